@@ -1,0 +1,254 @@
+"""The engine for people who want physics and no game."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from airhockey_env.engine.advance import advance
+from airhockey_env.engine.discrete import advance_discrete
+from airhockey_env.engine.records import CONTACT, SURFACE, Discs
+from airhockey_env.engine.tolerances import OVERLAP, TABLE_CONTACTS
+
+METHODS = ("continuous", "kiss", "overlap")
+
+
+def _array(name: str, value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
+    """`value` as a fresh float64 array of the given shape (scalars are spread), or an error that names it."""
+    try:
+        array = np.asarray(value, dtype=np.float64)
+        array = np.array(np.broadcast_to(array, shape) if array.ndim == 0 else array, order="C")
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} must be {what}, got {value!r}") from error
+    if array.shape != shape:
+        raise ValueError(f"{name} must be {what}, that is of shape {shape}; got shape {array.shape}")
+    if np.isnan(array).any():
+        raise ValueError(f"{name} must be {what}, got NaN")
+    return array
+
+
+def _share(name: str, value: float) -> float:
+    if not isinstance(value, (int, float, np.number)) or not 0.0 <= value <= 1.0:
+        raise ValueError(f"{name} must be a number from 0 to 1, got {value!r}")
+    return float(value)
+
+
+def _contact_buffer(length: int) -> np.recarray:
+    """A recarray, whose rows have attributes in plain Python too (with NUMBA_DISABLE_JIT=1)."""
+    return np.zeros(length, CONTACT).view(np.recarray)
+
+
+class AirTable:
+    """Any number of pucks on an air table: no friction, exact kisses.
+
+    The table is centred on the origin with x along its length. Velocities are constant between contacts.
+
+    Args:
+        positions: (N, 2) centres of the discs, m. Neither overlapping each other nor reaching over a wall.
+        velocities: (N, 2) m/s.
+        radii: scalar or (N,), m. Greater than 0, or 0 for a disc of infinite mass: a post.
+        masses: scalar or (N,), kg, greater than 0. A disc of mass `inf` is immovable, or driven from outside: it keeps
+            its velocity, passes through walls and other such discs, and gives way (stops for the rest of the step)
+            only where it squeezes a puck.
+        restitution: of disc on disc, 0 to 1.
+        wall_restitution: of disc on wall, 0 to 1.
+        size: (length, width) of the table, m, or None for no walls.
+        method: how a step finds and resolves contacts. `"continuous"`: exact, earliest kiss first, at any speed and
+            any step. `"kiss"`: discs that overlap at the end of the step are taken back to their kiss point.
+            `"overlap"`: the normal is taken from the overlapping positions, as is often done. See the README.
+
+    Attributes:
+        time: s since construction.
+
+    Raises:
+        ValueError: an argument is of the wrong shape or range, or discs overlap. The message names the argument.
+
+    Example:
+        >>> table = AirTable([[-0.5, 0.0], [0.0, 0.03]], [[2.0, 0.0], [0.0, 0.0]], radii=0.05)
+        >>> contacts = table.step(0.5)
+        >>> len(contacts), contacts["a"][0], contacts["b"][0]
+        (1, 0, 1)
+    """
+
+    def __init__(
+        self,
+        positions: ArrayLike,
+        velocities: ArrayLike,
+        radii: ArrayLike,
+        masses: ArrayLike = 1.0,
+        restitution: float = 1.0,
+        wall_restitution: float = 1.0,
+        size: tuple[float, float] | None = (2.0, 1.0),
+        method: str = "continuous",
+    ) -> None:
+        if method not in METHODS:
+            raise ValueError(f"method must be one of {METHODS}, got {method!r}")
+        try:
+            n = len(positions)  # type: ignore[arg-type]
+        except TypeError as error:
+            raise ValueError(f"positions must be an (N, 2) array, got {positions!r}") from error
+        if n == 0:
+            raise ValueError("positions must hold at least one disc, got none")
+        self.method = method
+        self.time = 0.0
+        self._positions = _array("positions", positions, (n, 2), "an (N, 2) array in m")
+        self._velocities = _array("velocities", velocities, (n, 2), "an (N, 2) array in m/s, N as in positions")
+        self._check_motion()
+        self._radii = _array("radii", radii, (n,), "a number or an (N,) array in m")
+        self._masses = _array("masses", masses, (n,), "a number or an (N,) array in kg")
+        if not (self._masses > 0.0).all():
+            raise ValueError(f"masses must be greater than 0 (inf is allowed), got {self._masses.min()}")
+        post = (self._radii == 0.0) & np.isinf(self._masses)
+        if not (((self._radii > 0.0) & np.isfinite(self._radii)) | post).all():
+            raise ValueError(
+                f"radii must be finite and greater than 0 (0 for a disc of infinite mass), got {radii!r}"
+            )
+        self._surface = np.zeros(1, SURFACE).view(np.recarray)
+        self._surface["disc_restitution"] = _share("restitution", restitution)
+        self._surface["wall_restitution"] = _share("wall_restitution", wall_restitution)
+        self._surface["wall_tangential"] = 1.0
+        self.size = self._check_size(size)
+        half_length, half_width = (math.inf, math.inf) if self.size is None else (0.5 * s for s in self.size)
+        self._surface["half_length"] = half_length
+        self._surface["half_width"] = half_width
+        self._inverse_masses = 1.0 / self._masses
+        self._check_places()
+        self._hits = np.zeros(n, np.int32)
+        self._buffer = _contact_buffer(max(64, 4 * n))
+
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """(N, 2) centres, m. The live array; assigning places the discs anew, with the constructor's checks."""
+        return self._positions
+
+    @positions.setter
+    def positions(self, value: ArrayLike) -> None:
+        before = self._positions
+        self._positions = _array("positions", value, before.shape, "an (N, 2) array in m")
+        try:
+            self._check_motion()
+            self._check_places()
+        except ValueError:
+            self._positions = before
+            raise
+
+    @property
+    def velocities(self) -> NDArray[np.float64]:
+        """(N, 2) m/s. The live array; change or assign it to drive discs."""
+        return self._velocities
+
+    @velocities.setter
+    def velocities(self, value: ArrayLike) -> None:
+        before = self._velocities
+        self._velocities = _array("velocities", value, before.shape, "an (N, 2) array in m/s")
+        try:
+            self._check_motion()
+        except ValueError:
+            self._velocities = before
+            raise
+
+    @property
+    def radii(self) -> NDArray[np.float64]:
+        """(N,) m; a copy."""
+        return self._radii.copy()
+
+    @property
+    def masses(self) -> NDArray[np.float64]:
+        """(N,) kg; a copy."""
+        return self._masses.copy()
+
+    @property
+    def energy(self) -> float:
+        """Kinetic energy of the discs of finite mass, J."""
+        finite = np.isfinite(self._masses)
+        return float(0.5 * np.sum(self._masses[finite] * np.sum(self._velocities[finite] ** 2, axis=1)))
+
+    def step(self, dt: float) -> NDArray[np.void]:
+        """Play `dt` seconds.
+
+        Args:
+            dt: s, greater than 0.
+
+        Returns:
+            A structured array, one row a contact, in the order of time: `time` (s into this step), `a`, `b` (numbers
+            of the discs, a < b; b is -1 for a wall), `x`, `y` (where they touch, m), `nx`, `ny` (unit normal from b
+            to a) and `impulse` (N s, along the normal on a, against it on b).
+
+        Raises:
+            ValueError: `dt` is not a finite number greater than 0, or a position or velocity was set to NaN or
+                infinity. Nothing has moved then.
+        """
+        if isinstance(dt, bool) or not isinstance(dt, (int, float, np.number)) or not (0.0 < dt < math.inf):
+            raise ValueError(f"dt must be a finite number of seconds greater than 0, got {dt!r}")
+        self._check_motion()
+        contacts = self._step_continuous(float(dt)) if self.method == "continuous" else self._step_discrete(float(dt))
+        self.time += float(dt)
+        return contacts
+
+    def _discs(self) -> Discs:
+        return Discs(self._positions, self._velocities, self._radii, self._inverse_masses, self._hits)
+
+    def _step_continuous(self, dt: float) -> NDArray[np.void]:
+        driven = self._velocities[self._inverse_masses == 0.0]
+        limit = int(TABLE_CONTACTS * max(1.0, dt))
+        self._hits[:] = 0
+        parts = []
+        elapsed = 0.0
+        while True:
+            outcome = advance(self._discs(), self._surface[0], elapsed, dt, limit, self._buffer, True)
+            parts.append(self._recorded(outcome.contacts))
+            elapsed = outcome.elapsed
+            if outcome.contacts < len(self._buffer):
+                break
+        self._velocities[self._inverse_masses == 0.0] = driven  # those that gave way did so for this step only
+        return np.concatenate(parts)
+
+    def _step_discrete(self, dt: float) -> NDArray[np.void]:
+        positions, velocities = self._positions.copy(), self._velocities.copy()
+        while True:
+            count = advance_discrete(self._discs(), self._surface[0], dt, self.method == "kiss", self._buffer)
+            if count <= len(self._buffer):
+                contacts = self._recorded(count)
+                return contacts[np.argsort(contacts["time"], kind="stable")]
+            self._buffer = _contact_buffer(2 * count)  # too small: play the step again
+            self._positions[:], self._velocities[:] = positions, velocities
+
+    def _recorded(self, count: int) -> NDArray[np.void]:
+        return np.array(self._buffer[:count].view(np.ndarray))
+
+    def _check_motion(self) -> None:
+        for name, array in (("positions", self._positions), ("velocities", self._velocities)):
+            if not np.isfinite(array).all():
+                raise ValueError(f"{name} must be finite, got {array[~np.isfinite(array)][0]}")
+
+    @staticmethod
+    def _check_size(size: tuple[float, float] | None) -> tuple[float, float] | None:
+        if size is None:
+            return None
+        length, width = _array("size", size, (2,), "(length, width) in m, or None")
+        if not (0.0 < length < math.inf and 0.0 < width < math.inf):
+            raise ValueError(f"size must be two finite lengths greater than 0, or None; got {size!r}")
+        return float(length), float(width)
+
+    def _check_places(self) -> None:
+        movable = self._inverse_masses > 0.0
+        half = np.array([self._surface["half_length"][0], self._surface["half_width"][0]])
+        beyond = np.abs(self._positions) + self._radii[:, None] - half
+        if (beyond[movable] > OVERLAP).any():
+            a = int(np.flatnonzero(movable)[np.argmax(beyond[movable].max(axis=1))])
+            raise ValueError(
+                f"positions must lie on the table: disc {a} at {tuple(self._positions[a])} reaches over a wall "
+                f"by {beyond[a].max():.3g} m"
+            )
+        order = np.argsort(self._positions[:, 0] - self._radii)
+        for k, a in enumerate(order):
+            for b in order[k + 1 :]:
+                if self._positions[b, 0] - self._radii[b] > self._positions[a, 0] + self._radii[a]:
+                    break
+                depth = self._radii[a] + self._radii[b] - math.dist(self._positions[a], self._positions[b])
+                if depth > OVERLAP and (movable[a] or movable[b]):
+                    raise ValueError(
+                        f"positions must not overlap: discs {min(a, b)} and {max(a, b)} overlap by {depth:.3g} m"
+                    )

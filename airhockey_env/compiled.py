@@ -1,0 +1,64 @@
+"""The one way in which this package compiles: numba, cached on disk, never stale.
+
+numba's own `cache=True` looks only at the file that a function stands in, so after a change to a callee in
+another file (or an upgrade) its callers would go on running old machine code. Here the cache is keyed to a hash of
+all sources of the package, whose functions call each other across files.
+
+The cache lies in the `__pycache__` folders beside the sources or, where these are read-only, in numba's user-wide
+cache folder; `NUMBA_CACHE_DIR` moves it and `NUMBA_DISABLE_JIT=1` runs everything as plain Python.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core import caching, config
+
+
+@functools.cache
+def sources_hash() -> str:
+    """Hash of every Python file of the package: what the machine code was compiled from."""
+    digest = hashlib.sha256()
+    root = Path(__file__).parent
+    for path in sorted(root.rglob("*.py")):
+        digest.update(path.relative_to(root).as_posix().encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def _keyed_to_sources(locator: type) -> type:
+    """A cache locator that takes the whole package, not one file, as the source of a function."""
+    return type(locator.__name__, (locator,), {"get_source_stamp": lambda self: sources_hash()})
+
+
+class _CacheImpl(caching.CompileResultCacheImpl):
+    _locator_classes = [
+        _keyed_to_sources(locator)
+        for locator in (
+            caching.UserProvidedCacheLocator
+            if hasattr(caching, "UserProvidedCacheLocator")
+            else caching._UserProvidedCacheLocator,
+            caching.InTreeCacheLocator if hasattr(caching, "InTreeCacheLocator") else caching._InTreeCacheLocator,
+            caching.UserWideCacheLocator if hasattr(caching, "UserWideCacheLocator") else caching._UserWideCacheLocator,
+        )
+    ]
+
+
+class _Cache(caching.FunctionCache):
+    _impl_class = _CacheImpl
+
+
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a function with numba: no fast-math (bits must repeat), without the GIL, cached on disk."""
+    dispatcher = numba.njit(function, nogil=True, error_model="numpy")
+    if not config.DISABLE_JIT:
+        try:
+            dispatcher._cache = _Cache(function)
+        except RuntimeError:  # no folder to write to: compile in every process
+            pass
+    return dispatcher

@@ -1,0 +1,70 @@
+"""One table, one tick: detect, fly, resolve, until the tick is over."""
+
+from __future__ import annotations
+
+import math
+
+from airhockey_env.compiled import compiled
+from airhockey_env.engine.impact import relieve, strike_disc, strike_edge
+from airhockey_env.engine.kiss import next_kiss
+from airhockey_env.engine.motion import fly
+from airhockey_env.engine.records import DISC, GOAL, NOTHING, WALL, Outcome
+
+
+@compiled
+def resolve(discs, kiss, surface, contacts, count, time):
+    """Let the two that kiss bounce. Returns the new number of contacts."""
+    if kiss.kind == DISC:
+        return strike_disc(discs, kiss.a, kiss.b, surface.disc_restitution, contacts, count, time)
+    a = kiss.a
+    if kiss.kind == WALL:
+        axis = kiss.b // 2
+        sign = 1.0 if kiss.b % 2 == 0 else -1.0
+        limit = surface.half_length if axis == 0 else surface.half_width
+        discs.position[a, axis] = sign * (limit - discs.radius[a])  # exactly there: rounding must not add up
+        nx = -sign if axis == 0 else 0.0
+        ny = -sign if axis == 1 else 0.0
+    else:
+        end = 1.0 if kiss.b // 2 == 0 else -1.0
+        side = 1.0 if kiss.b % 2 == 0 else -1.0
+        dx = discs.position[a, 0] - end * surface.half_length
+        dy = discs.position[a, 1] - side * surface.half_goal
+        distance = math.sqrt(dx * dx + dy * dy)
+        nx, ny = dx / distance, dy / distance
+    return strike_edge(discs, a, nx, ny, surface, contacts, count, time)
+
+
+@compiled
+def advance(discs, surface, start, tick, limit, contacts, pause):
+    """Play one table from `start` to `tick` seconds into a tick, exactly.
+
+    Ask for the earliest kiss before moving, move everything exactly there, let the two bounce, and ask again with
+    what is left of the tick. Velocities are constant between contacts, so there is no error but rounding.
+
+    Args:
+        discs: `Discs`; position and velocity change in place. `hits` must be zero at the start of a tick.
+        surface: a `SURFACE` record.
+        start, tick: s; `start` is 0 but for the rest of a tick that paused.
+        limit: contacts of one disc in one tick before it counts as squeezed: see `relieve`.
+        contacts: `CONTACT` buffer, filled from its beginning in order of time.
+        pause: return as soon as the buffer is full, instead of going on without recording.
+
+    Returns:
+        Outcome. After a goal the disc's centre lies on the goal line, and the rest of the tick is not played.
+    """
+    elapsed = start
+    count = 0
+    while True:
+        kiss = next_kiss(discs, surface, tick - elapsed)
+        fly(discs, kiss.time)
+        if kiss.kind == NOTHING:
+            return Outcome(tick, count, 0)
+        elapsed += kiss.time
+        if kiss.kind == GOAL:
+            side = 1 if kiss.b == 0 else -1
+            discs.position[kiss.a, 0] = side * surface.half_length
+            return Outcome(elapsed, count, side)
+        if not relieve(discs, kiss.a, kiss.b if kiss.kind == DISC else -1, limit):
+            count = resolve(discs, kiss, surface, contacts, count, elapsed)
+            if pause and count == contacts.shape[0]:
+                return Outcome(elapsed, count, 0)

@@ -1,0 +1,116 @@
+"""What a contact does: the impulse along the ideal normal, and what happens to discs that are squeezed."""
+
+from __future__ import annotations
+
+import math
+
+from airhockey_env.compiled import compiled
+
+
+@compiled
+def record(contacts, count, time, a, b, x, y, nx, ny, impulse):
+    """Write contact number `count` into the buffer, if there is room."""
+    if count < contacts.shape[0]:
+        contact = contacts[count]
+        contact.time = time
+        contact.a = a
+        contact.b = b
+        contact.x = x
+        contact.y = y
+        contact.nx = nx
+        contact.ny = ny
+        contact.impulse = impulse
+
+
+@compiled
+def exchange(discs, a, b, nx, ny, approach, restitution):
+    """Exchange momentum between discs a and b along the unit normal (from b to a); return the impulse, N s.
+
+    `approach` is the velocity of a as seen from b along the normal, m/s, negative. With inverse masses the textbook
+    formula holds in its limit too: an immovable disc keeps its velocity. Tangential velocities are untouched.
+    """
+    impulse = -(1.0 + restitution) * approach / (discs.inverse_mass[a] + discs.inverse_mass[b])
+    discs.velocity[a, 0] += impulse * discs.inverse_mass[a] * nx
+    discs.velocity[a, 1] += impulse * discs.inverse_mass[a] * ny
+    discs.velocity[b, 0] -= impulse * discs.inverse_mass[b] * nx
+    discs.velocity[b, 1] -= impulse * discs.inverse_mass[b] * ny
+    return impulse
+
+
+@compiled
+def strike_disc(discs, a, b, restitution, contacts, count, time):
+    """Two discs that kiss bounce off each other. Returns the new number of contacts."""
+    position, velocity = discs.position, discs.velocity
+    dx = position[a, 0] - position[b, 0]
+    dy = position[a, 1] - position[b, 1]
+    distance = math.sqrt(dx * dx + dy * dy)
+    vx = velocity[a, 0] - velocity[b, 0]
+    vy = velocity[a, 1] - velocity[b, 1]
+    approach = dx * vx + dy * vy
+    if not approach < 0.0:  # a graze, by rounding: no normal velocity, nothing changes
+        return count
+    nx, ny = dx / distance, dy / distance
+    impulse = exchange(discs, a, b, nx, ny, approach / distance, restitution)
+    x = position[b, 0] + discs.radius[b] * nx
+    y = position[b, 1] + discs.radius[b] * ny
+    record(contacts, count, time, a, b, x, y, nx, ny, impulse)
+    return count + 1
+
+
+@compiled
+def strike_edge(discs, a, nx, ny, surface, contacts, count, time):
+    """A disc that touches a wall or post bounces off it. Returns the new number of contacts."""
+    vx, vy = discs.velocity[a, 0], discs.velocity[a, 1]
+    normal = vx * nx + vy * ny
+    if not normal < 0.0:
+        return count
+    tangent = vy * nx - vx * ny
+    normal_after = -surface.wall_restitution * normal
+    tangent_after = surface.wall_tangential * tangent
+    discs.velocity[a, 0] = normal_after * nx - tangent_after * ny
+    discs.velocity[a, 1] = normal_after * ny + tangent_after * nx
+    x = discs.position[a, 0] - discs.radius[a] * nx
+    y = discs.position[a, 1] - discs.radius[a] * ny
+    impulse = (normal_after - normal) / discs.inverse_mass[a]
+    record(contacts, count, time, a, -1, x, y, nx, ny, impulse)
+    return count + 1
+
+
+@compiled
+def stop(discs, a):
+    """Take all velocity from disc a."""
+    discs.velocity[a, 0] = 0.0
+    discs.velocity[a, 1] = 0.0
+
+
+@compiled
+def relieve(discs, a, b, limit):
+    """Count a contact of disc a (with disc b, or an edge if b < 0); end what would never end. True if it is over.
+
+    A puck squeezed between a moving paddle and a wall, or discs that lose energy while they rattle in a shrinking
+    gap, have infinitely many contacts in a finite time. So when a disc of finite mass has had more than `limit`
+    contacts in a tick, the driven disc that it meets gives way: it stops for the rest of the tick. If even that does
+    not end it, past 2 * `limit` contacts the discs that meet come to rest, and there is no bounce.
+
+    Every bounce raises a count that is bounded, and every rest ends the motion of a disc that only a bounce can move
+    again: so a tick has at most about 5 * n * `limit` contacts, whatever happens.
+    """
+    count = 0
+    if discs.inverse_mass[a] > 0.0:
+        discs.hits[a] += 1
+        count = discs.hits[a]
+    if b >= 0 and discs.inverse_mass[b] > 0.0:
+        discs.hits[b] += 1
+        count = max(count, discs.hits[b])
+    if count <= limit:
+        return False
+    if discs.inverse_mass[a] == 0.0:
+        stop(discs, a)
+    if b >= 0 and discs.inverse_mass[b] == 0.0:
+        stop(discs, b)
+    if count <= 2 * limit:
+        return False
+    stop(discs, a)
+    if b >= 0:
+        stop(discs, b)
+    return True

@@ -1,0 +1,56 @@
+"""Free flight: straight lines inside a tick, and the glide of a puck that slows down.
+
+The deceleration a + c*v + b*v**2 is a Riccati equation, so the speed after a time h is exactly
+v(h) = (p*v - q) / (r*v + s), with four numbers that depend on h alone: no transcendental function per step. The game
+flies one tick at the speed in the middle of it: half a tick of glide, a tick of straight flight, half a tick of
+glide. Speeds of a free flight are exact; positions have an error of the third order in the tick: decelerating at d
+and with the deceleration changing at d' per second, below d' * tick**3 / 12 each tick (for 10 m/s on the full-size
+table at 50 Hz: less than 2 micrometres).
+"""
+
+from __future__ import annotations
+
+import math
+
+from airhockey_env.compiled import compiled
+
+
+def glide_coefficients(constant: float, linear: float, quadratic: float, time: float) -> tuple[float, ...]:
+    """The numbers p, q, r, s of the module's docstring for a glide of `time` seconds.
+
+    Args:
+        constant, linear, quadratic: a in m/s**2, c in 1/s, b in 1/m; none negative.
+        time: s.
+    """
+    discriminant = 0.25 * linear**2 - constant * quadratic
+    if discriminant > 0.0:
+        root = math.sqrt(discriminant)
+        tangent = math.tanh(root * time) / root
+    elif discriminant < 0.0:
+        root = math.sqrt(-discriminant)
+        # The puck rests before the tangent's pole: past a quarter turn any speed has come to 0.
+        tangent = math.tan(root * time) / root if root * time < 1.5 else math.tan(1.5) / root
+    else:
+        tangent = time
+    half_linear = 0.5 * linear * tangent
+    return 1.0 - half_linear, constant * tangent, quadratic * tangent, 1.0 + half_linear
+
+
+@compiled
+def fly(discs, time):
+    """Move every disc along its straight line for `time` seconds."""
+    for a in range(discs.position.shape[0]):
+        discs.position[a, 0] += discs.velocity[a, 0] * time
+        discs.position[a, 1] += discs.velocity[a, 1] * time
+
+
+@compiled
+def glide(discs, a, p, q, r, s, greatest):
+    """Slow disc a down by a glide with the given coefficients, and to `greatest` m/s if it is faster still."""
+    vx, vy = discs.velocity[a, 0], discs.velocity[a, 1]
+    speed = math.sqrt(vx * vx + vy * vy)
+    if speed > 0.0:
+        after = min(max(0.0, (p * speed - q) / (r * speed + s)), greatest)
+        share = after / speed
+        discs.velocity[a, 0] = vx * share
+        discs.velocity[a, 1] = vy * share

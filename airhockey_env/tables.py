@@ -1,0 +1,159 @@
+"""Tables to play on: sizes, masses and physics as frozen, validated data with their sources."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class TableSpec:
+    """Everything that is fixed about a table. SI units: m, s, kg.
+
+    The table is centred on the origin with x along its length; the left player's goal is at -x.
+    Derive a variant with `dataclasses.replace(FULL_SIZE, puck_mass=0.02)`.
+
+    Raises:
+        ValueError: a field is not a finite number, is out of range, or does not fit the others. The message
+            names the field, what was given and what is allowed.
+    """
+
+    length: float
+    """Playing surface along x, m."""
+    width: float
+    """Playing surface along y, m."""
+    goal_width: float
+    """Opening between the two posts of a goal, m; wider than the puck."""
+    puck_radius: float
+    """m."""
+    puck_mass: float
+    """kg. Paddles are driven from outside (infinitely heavy), so this only scales reported impulses."""
+    paddle_radius: float
+    """m."""
+    wall_restitution: float
+    """Share of the normal speed that a puck keeps at a wall or post, 0 to 1."""
+    wall_tangential: float
+    """Share of the tangential speed that a puck keeps at a wall or post, 0 to 1."""
+    paddle_restitution: float
+    """Restitution of puck on paddle, 0 to 1."""
+    drag_constant: float
+    """Glide deceleration a of a + c*v + b*v**2, m/s**2."""
+    drag_linear: float
+    """Glide deceleration c of a + c*v + b*v**2, 1/s."""
+    drag_quadratic: float
+    """Glide deceleration b of a + c*v + b*v**2, 1/m."""
+    paddle_speed: float = 4.0
+    """Greatest speed of a paddle, m/s. With a restitution of 0.8 a still puck leaves a full-speed paddle at
+    7.2 m/s; shots by people peak near 9.7 m/s."""
+    paddle_acceleration: float = 60.0
+    """Greatest change of a paddle's velocity, m/s**2."""
+    puck_speed: float = 12.0
+    """Greatest speed of the puck at the end of a control step, m/s: faster pucks are slowed to it, so that
+    observations stay in range. More than a paddle's greatest speed."""
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+                raise ValueError(f"{field.name} must be a finite number, got {value!r}")
+            object.__setattr__(self, field.name, float(value))
+        for name in ("length", "width", "goal_width", "puck_radius", "puck_mass", "paddle_radius",
+                     "paddle_speed", "paddle_acceleration", "puck_speed"):  # fmt: skip
+            if getattr(self, name) <= 0.0:
+                raise ValueError(f"{name} must be greater than 0, got {getattr(self, name)}")
+        for name in ("wall_restitution", "wall_tangential", "paddle_restitution"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise ValueError(f"{name} must be from 0 to 1, got {getattr(self, name)}")
+        for name in ("drag_constant", "drag_linear", "drag_quadratic"):
+            if getattr(self, name) < 0.0:
+                raise ValueError(f"{name} must be 0 or more, got {getattr(self, name)}")
+        if not 2.0 * self.puck_radius < self.goal_width:
+            raise ValueError(
+                f"goal_width must be greater than the puck's diameter {2.0 * self.puck_radius}, got {self.goal_width}"
+            )
+        if not self.goal_width < self.width - 2.0 * self.puck_radius:
+            raise ValueError(
+                "goal_width must be less than width less the puck's diameter "
+                f"({self.width - 2.0 * self.puck_radius}), got {self.goal_width}"
+            )
+        if not 2.0 * (self.paddle_radius + self.puck_radius) < self.width:
+            raise ValueError(
+                "width must be greater than the diameters of a paddle and the puck together "
+                f"({2.0 * (self.paddle_radius + self.puck_radius)}), got {self.width}"
+            )
+        if not 8.0 * (self.paddle_radius + self.puck_radius) < self.length:
+            raise ValueError(
+                "length must be greater than four diameters of a paddle and the puck together "
+                f"({8.0 * (self.paddle_radius + self.puck_radius)}), got {self.length}"
+            )
+        if not self.paddle_speed < self.puck_speed:
+            raise ValueError(f"puck_speed must be greater than paddle_speed {self.paddle_speed}, got {self.puck_speed}")
+
+
+FULL_SIZE = TableSpec(
+    length=2.362,
+    width=1.144,
+    goal_width=0.3345,
+    puck_radius=0.0413,
+    puck_mass=0.037,
+    paddle_radius=0.0505,
+    wall_restitution=0.785,
+    wall_tangential=0.66,
+    paddle_restitution=0.8,
+    drag_constant=0.0145,
+    drag_linear=0.0,
+    drag_quadratic=0.0348,
+)
+"""A full-size arcade table.
+
+Sources: dimensions from the HudsonNock Air-Hockey-Sim table; glide (14.5 +- 7.1 mm/s**2 + 0.0348 v**2) and wall
+bounces (normal 0.785, tangential 0.66) measured by misprit7; mallet restitution 0.8 from air_hockey_stack's tracker.
+The measured normal restitution falls by about 0.039 per m/s between 0.7 and 7.3 m/s; this preset keeps it constant.
+"""
+
+CHALLENGE = TableSpec(
+    length=1.948,
+    width=1.038,
+    goal_width=0.25,
+    puck_radius=0.03165,
+    puck_mass=0.010,
+    paddle_radius=0.04815,
+    wall_restitution=0.79,
+    wall_tangential=0.84,
+    paddle_restitution=0.8,
+    drag_constant=0.0,
+    drag_linear=0.5,
+    drag_quadratic=0.0,
+)
+"""The table of the Robot Air Hockey Challenge 2023.
+
+Sources: the challenge's MuJoCo model (damping 0.005 on a puck of 0.010 kg: a linear drag of about 0.5 /s); wall
+restitution 0.79 and 0.84 from its Kalman filter; paddle restitution as on `FULL_SIZE`.
+"""
+
+IDEAL = dataclasses.replace(
+    FULL_SIZE,
+    wall_restitution=1.0,
+    wall_tangential=1.0,
+    paddle_restitution=1.0,
+    drag_constant=0.0,
+    drag_linear=0.0,
+    drag_quadratic=0.0,
+)
+"""`FULL_SIZE` without any loss: for physics lessons and for tests of the laws. No real table."""
+
+PRESETS: dict[str, TableSpec] = {"full_size": FULL_SIZE, "challenge": CHALLENGE, "ideal": IDEAL}
+
+
+def resolve_table(table: str | TableSpec) -> TableSpec:
+    """Return the `TableSpec` that a `table` argument means: a preset's name or a spec.
+
+    Raises:
+        ValueError: not one of these.
+    """
+    if isinstance(table, TableSpec):
+        return table
+    if isinstance(table, str) and table in PRESETS:
+        return PRESETS[table]
+    raise ValueError(f"table must be one of {sorted(PRESETS)} or a TableSpec, got {table!r}")

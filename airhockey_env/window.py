@@ -1,0 +1,85 @@
+"""A window on the screen that shows frames at a steady pace."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium.error import DependencyNotInstalled
+
+
+def _import_pygame() -> Any:
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    try:
+        return importlib.import_module("pygame")
+    except ImportError as error:
+        raise DependencyNotInstalled('showing a window needs pygame-ce: pip install "airhockey-env[human]"') from error
+
+
+class Window:
+    """Shows frames on the screen. A process has one window at a time: a second one takes the first one's place.
+
+    Closing the window raises nothing: from then on `closed` is True and `show` does nothing.
+
+    Args:
+        size: (width, height) of the frames, px.
+        title: the window's title.
+        fps: greatest number of frames a second that `show` lets through, greater than 0.
+
+    Raises:
+        DependencyNotInstalled: pygame-ce is missing.
+        ValueError: `fps` is not greater than 0.
+    """
+
+    # The display belongs to the process, so which window has it is the process's state, not a window's.
+    _shown: ClassVar[Window | None] = None
+
+    def __init__(self, size: tuple[int, int], title: str = "Air hockey", fps: float = 50.0) -> None:
+        if not fps > 0.0:
+            raise ValueError(f"fps must be greater than 0, got {fps!r}")
+        self._pygame = _import_pygame()
+        self._size = (int(size[0]), int(size[1]))
+        self._fps = fps
+        # Only the display: pygame.init() would take hold of the sound card and joysticks as well.
+        self._pygame.display.init()
+        self._screen = self._pygame.display.set_mode(self._size)
+        self._pygame.display.set_caption(title)
+        self._clock = self._pygame.time.Clock()
+        Window._shown = self
+
+    @property
+    def closed(self) -> bool:
+        """Whether the window is gone: closed by its user, by `close`, or by a later window."""
+        return Window._shown is not self
+
+    def show(self, frame: np.ndarray) -> None:
+        """Show a frame, uint8 (H, W, 3), and wait until the next one is due.
+
+        Raises:
+            ValueError: the frame's type or shape does not fit the window.
+        """
+        if self.closed:
+            return
+        width, height = self._size
+        if frame.dtype != np.uint8 or frame.shape != (height, width, 3):
+            raise ValueError(f"frame must be uint8 {(height, width, 3)}, got {frame.dtype} {frame.shape}")
+        # Something else in the process may have shut pygame's display; that is a closed window as well.
+        if not self._pygame.display.get_init() or self._wants_to_close():
+            self.close()
+            return
+        picture = self._pygame.image.frombuffer(np.ascontiguousarray(frame), self._size, "RGB")
+        self._screen.blit(picture, (0, 0))
+        self._pygame.display.flip()
+        self._clock.tick(self._fps)
+
+    def _wants_to_close(self) -> bool:
+        # Fetching the events is also what keeps the window answering the desktop.
+        return any(event.type == self._pygame.QUIT for event in self._pygame.event.get())
+
+    def close(self) -> None:
+        """Close the window; may be called more than once."""
+        if not self.closed:
+            self._pygame.display.quit()
+            Window._shown = None
