@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,7 +31,7 @@ def _array(name: str, value: ArrayLike, shape: tuple[int, ...], what: str) -> ND
 
 
 def _share(name: str, value: float) -> float:
-    if not isinstance(value, (int, float, np.number)) or not 0.0 <= value <= 1.0:
+    if isinstance(value, bool) or not isinstance(value, Real) or not 0.0 <= value <= 1.0:
         raise ValueError(f"{name} must be a number from 0 to 1, got {value!r}")
     return float(value)
 
@@ -180,7 +181,7 @@ class AirTable:
             ValueError: `dt` is not a finite number greater than 0, or a position or velocity was set to NaN or
                 infinity. Nothing has moved then.
         """
-        if isinstance(dt, bool) or not isinstance(dt, (int, float, np.number)) or not (0.0 < dt < math.inf):
+        if isinstance(dt, bool) or not isinstance(dt, Real) or not (0.0 < dt < math.inf):
             raise ValueError(f"dt must be a finite number of seconds greater than 0, got {dt!r}")
         self._check_motion()
         contacts = self._step_continuous(float(dt)) if self.method == "continuous" else self._step_discrete(float(dt))
@@ -192,7 +193,7 @@ class AirTable:
 
     def _step_continuous(self, dt: float) -> NDArray[np.void]:
         driven = self._velocities[self._inverse_masses == 0.0]
-        limit = int(TABLE_CONTACTS * max(1.0, dt))
+        limit = int(min(TABLE_CONTACTS * max(1.0, dt), 2.0**30))
         self._hits[:] = 0
         parts = []
         elapsed = 0.0

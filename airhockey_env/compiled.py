@@ -55,7 +55,19 @@ class _Cache(caching.FunctionCache):
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a function with numba: no fast-math (bits must repeat), without the GIL, cached on disk."""
-    dispatcher = numba.njit(function, nogil=True, error_model="numpy")
+    return _compile(function)
+
+
+def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Like `compiled`, for small parts of the hot path: the machine code is always put into the caller's.
+
+    Passing arrays and records through a call costs more than what such a part does.
+    """
+    return _compile(function, forceinline=True)
+
+
+def _compile(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
+    dispatcher = numba.njit(function, nogil=True, error_model="numpy", **options)
     if not config.DISABLE_JIT:
         try:
             dispatcher._cache = _Cache(function)

@@ -128,10 +128,21 @@ def box_distance(x, y, left, top, right, bottom, corner):
 @compiled
 def box(image, left, top, right, bottom, corner, softness, color, alpha):
     """Fill an upright rectangle with corners of radius `corner`, from 0 to half its smaller side."""
-    first_row, last_row = span(top - 0.5 * softness, bottom + 0.5 * softness, image.shape[0])
-    first_column, last_column = span(left - 0.5 * softness, right + 0.5 * softness, image.shape[1])
+    reach = 0.5 * softness
+    first_row, last_row = span(top - reach, bottom + reach, image.shape[0])
+    first_column, last_column = span(left - reach, right + reach, image.shape[1])
+    # The part far from every edge, most of a large box, needs no distances.
+    inset = corner + reach + 1.0
+    core_top, core_bottom = span(top + inset, bottom - inset, image.shape[0])
+    core_left, core_right = span(left + inset, right - inset, image.shape[1])
+    if alpha < 1.0 or core_top >= core_bottom or core_left >= core_right:
+        core_top, core_bottom, core_left, core_right = 0, 0, 0, 0
+    for channel in range(len(color)):
+        image[core_top:core_bottom, core_left:core_right, channel] = color[channel]
     for row in range(first_row, last_row):
         for column in range(first_column, last_column):
+            if core_top <= row < core_bottom and core_left <= column < core_right:
+                continue
             distance = box_distance(column + 0.5, row + 0.5, left, top, right, bottom, corner)
-            if distance < 0.5 * softness:
+            if distance < reach:
                 blend(image, row, column, color, alpha * coverage(distance, softness))

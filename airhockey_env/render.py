@@ -5,6 +5,7 @@ Light falls from the top of the picture, so that the left half of a scene is dra
 
 from __future__ import annotations
 
+import functools
 import math
 import operator
 from typing import Any, NamedTuple
@@ -43,10 +44,13 @@ POCKET_DEPTH = 0.062
 POST_RADIUS = 0.013
 LINE_WIDTH = 0.008
 HOLE_SPACING, HOLE_RADIUS = 0.05, 0.0036
-CENTRE_CIRCLE = 0.16
+CENTRE_CIRCLE, CENTRE_SPOT = 0.16, 0.018
+CREASE_MARGIN = 0.09
+"""How far a crease reaches beyond the posts."""
 DIGIT_HEIGHT, DIGIT_STROKE = 0.052, 0.0115
 CLOCK_LENGTH, CLOCK_WIDTH = 0.28, 0.018
-SCORE_OFFSET = 0.37
+SCORE_GAP = 0.345
+"""From the middle of the upper rail to the nearer edge of either number."""
 
 # Details are left out where they would be smaller than this, px.
 SMALLEST_DIGIT = 5.0
@@ -95,7 +99,7 @@ PUCK_LAYERS = (
 
 def _arc(x: float, y: float, radius_x: float, radius_y: float, start: float, stop: float) -> list[tuple[float, float]]:
     """Points of an arc; angles in degrees, clockwise from the right."""
-    angles = np.radians(np.linspace(start, stop, 2 + int(abs(stop - start) / 20.0)))
+    angles = np.radians(np.linspace(start, stop, 2 + int(abs(stop - start) / 12.0)))
     return [(x + radius_x * math.cos(a), y + radius_y * math.sin(a)) for a in angles]
 
 
@@ -105,7 +109,7 @@ DIGITS: tuple[list[tuple[float, float]], ...] = (
     [*_arc(0.30, 0.30, 0.30, 0.30, 180, 360), *_arc(0.30, 0.70, 0.30, 0.30, 0, 180), (0.0, 0.30)],
     [(0.12, 0.2), (0.38, 0.0), (0.38, 1.0)],
     [*_arc(0.30, 0.29, 0.29, 0.29, 190, 395), (0.02, 1.0), (0.6, 1.0)],
-    [*_arc(0.29, 0.26, 0.27, 0.26, 195, 440), *_arc(0.29, 0.72, 0.30, 0.28, 280, 525)],
+    [*_arc(0.29, 0.25, 0.27, 0.25, 200, 450), *_arc(0.29, 0.75, 0.30, 0.25, 270, 520)],
     [(0.47, 1.0), (0.47, 0.0), (0.0, 0.72), (0.62, 0.72)],
     [(0.54, 0.0), (0.10, 0.0), (0.06, 0.46), *_arc(0.29, 0.69, 0.31, 0.31, 228, 510)],
     _SIX,
@@ -113,7 +117,7 @@ DIGITS: tuple[list[tuple[float, float]], ...] = (
     [*_arc(0.30, 0.25, 0.26, 0.25, 90, 450), *_arc(0.30, 0.75, 0.30, 0.25, 270, 630)],
     [(0.6 - x, 1.0 - y) for x, y in _SIX],
 )
-DIGIT_ADVANCE = 0.86
+DIGIT_WIDTH, DIGIT_ADVANCE = 0.60, 0.88
 
 
 def _mix(start: Color, stop: Color, share: float) -> Color:
@@ -135,6 +139,19 @@ def _pixel_size(value: Any) -> tuple[int, int]:
     if min(width, height) < SMALLEST:
         raise ValueError(problem)
     return width, height
+
+
+def _points(value: Any) -> tuple[int, int]:
+    """Return a score as two ints, or raise the ValueError that `Renderer.draw` documents."""
+    problem = f"score must be two ints from 0 (left, right), got {value!r}"
+    try:
+        left, right = value
+        left, right = operator.index(left), operator.index(right)
+    except (TypeError, ValueError):
+        raise ValueError(problem) from None
+    if min(left, right) < 0:
+        raise ValueError(problem)
+    return left, right
 
 
 class Renderer:
@@ -165,9 +182,8 @@ class Renderer:
             size = (DEFAULT_WIDTH, max(SMALLEST, 8 * round(DEFAULT_WIDTH * width / length / 8.0)))
         self.size = _pixel_size(size)
         self.scale = min(self.size[0] / length, self.size[1] / width)
-        self._board = (0, 0)
-        self._background = self._draw_background()
-        self._scored = self._draw_score(self._board)
+        self._board: tuple[int, int] | None = None
+        self._scored: np.ndarray | None = None
 
     def draw(self, positions: Any, score: tuple[int, int] = (0, 0), clock: float = 0.0) -> np.ndarray:
         """Draw one moment of a game.
@@ -188,11 +204,9 @@ class Renderer:
             raise ValueError(f"positions must be finite and of shape (3, 2), got {positions!r}")
         if not -1.0 <= clock <= 1.0:
             raise ValueError(f"clock must be from -1 to 1, got {clock!r}")
-        points = (operator.index(score[0]), operator.index(score[1]))
-        if min(points) < 0:
-            raise ValueError(f"score must be two ints from 0, got {score!r}")
+        points = _points(score)
         # The score changes rarely: it is part of the cached picture.
-        if points != self._board:
+        if self._scored is None or points != self._board:
             self._scored, self._board = self._draw_score(points), points
         image = self._scored.copy()
         self._draw_clock(image, float(clock))
@@ -245,23 +259,24 @@ class Renderer:
             return image
         self._draw_clock_line(image, -1.0, CLOCK_WIDTH, CLOCK_TRACK)
         self._draw_clock_line(image, 1.0, CLOCK_WIDTH, CLOCK_TRACK)
-        self._draw_number(image, -SCORE_OFFSET, score[0], LEFT_LIGHT)
-        self._draw_number(image, SCORE_OFFSET, score[1], RIGHT_LIGHT)
+        self._draw_number(image, -1.0, score[0], LEFT_LIGHT)
+        self._draw_number(image, 1.0, score[1], RIGHT_LIGHT)
         return image
 
-    def _draw_number(self, image: np.ndarray, x: float, number: int, color: Color) -> None:
-        """Write a number with its middle at `x`, m, on the upper rail."""
+    def _draw_number(self, image: np.ndarray, side: float, number: int, color: Color) -> None:
+        """Write a number on the upper rail; it grows outwards, away from the clock."""
         text = str(number)
         height = self._digit_height()
-        centre_x, centre_y = self._pixel(x, self._rail_middle())
-        left = centre_x - 0.5 * height * (DIGIT_ADVANCE * (len(text) - 1) + 0.6)
+        length = height * (DIGIT_ADVANCE * (len(text) - 1) + DIGIT_WIDTH)
+        x, y = self._pixel(side * SCORE_GAP, self._rail_middle())
+        left = x if side > 0.0 else x - length
         for place, digit in enumerate(text):
-            corner = (left + place * DIGIT_ADVANCE * height, centre_y - 0.5 * height)
-            points = np.array(DIGITS[int(digit)]) * height + corner
+            points = np.array(DIGITS[int(digit)]) * height + (left + place * DIGIT_ADVANCE * height, y - 0.5 * height)
             raster.stroke(image, points, DIGIT_STROKE * self.scale, 1.0, color, 1.0)
 
-    def _draw_background(self) -> np.ndarray:
-        """Everything but score, clock and pieces."""
+    @functools.cached_property
+    def _background(self) -> np.ndarray:
+        """Everything but score, clock and pieces; drawn when first needed."""
         width, height = self.size
         image = np.empty((height, width, 3), dtype=np.uint8)
         image[:] = ROOM
@@ -287,32 +302,31 @@ class Renderer:
         self._box(image, RAIL_WIDTH - 0.03, RAIL_CORNER - 0.03, 0.03, RAIL_TOP)
 
     def _draw_surface(self, image: np.ndarray) -> None:
-        """The surface in the rails' soft shade, air holes and markings."""
-        self._box(image, 0.0, 0.0, 0.0, SURFACE_SHADE)
-        self._box(image, 0.01, 0.04, 0.09, SURFACE)
-        self._draw_holes(image)
-        half = 0.5 * self.table.width
+        """The playing surface in the rails' soft shade, with air holes and markings."""
+        # Drawn on a picture of its own and pasted, so that shade and creases end at the walls.
+        surface = image.copy()
+        self._box(surface, 0.02, 0.0, 0.0, SURFACE_SHADE)
+        self._box(surface, 0.01, 0.04, 0.09, SURFACE)
+        self._draw_holes(surface)
+        self._draw_markings(surface)
+        left, top = (math.floor(edge) for edge in self._pixel(-0.5 * self.table.length, 0.5 * self.table.width))
+        inside = (slice(top, self.size[1] - top), slice(left, self.size[0] - left))
+        image[inside] = surface[inside]
+
+    def _draw_markings(self, image: np.ndarray) -> None:
+        """The centre line and circle, and before each goal a half disc in its player's colour."""
         line = max(1.0, LINE_WIDTH * self.scale)
-        ends = np.array([self._pixel(0.0, half), self._pixel(0.0, -half)])
-        x, y = self._pixel(0.0, 0.0)
+        ends = np.array([self._pixel(0.0, side * 0.5 * self.table.width) for side in (1.0, -1.0)])
         raster.stroke(image, ends, line, 1.0, MARKING, 1.0)
+        x, y = self._pixel(0.0, 0.0)
         raster.disc(image, x, y, CENTRE_CIRCLE * self.scale, 1.0, SURFACE, 1.0)
         raster.ring(image, x, y, CENTRE_CIRCLE * self.scale, line, 1.0, MARKING, 1.0)
-        raster.disc(image, x, y, max(1.0, 0.018 * self.scale), 1.0, MARKING, 1.0)
-        self._draw_creases(image, line)
-
-    def _draw_creases(self, image: np.ndarray, line: float) -> None:
-        """A half disc before each goal, in its player's colour."""
-        # A view of the surface's pixels, so that nothing is drawn onto the rails.
-        left, top = (math.floor(v) for v in self._pixel(-0.5 * self.table.length, 0.5 * self.table.width))
-        right, bottom = (math.ceil(v) for v in self._pixel(0.5 * self.table.length, -0.5 * self.table.width))
-        view = image[max(top, 0) : bottom, max(left, 0) : right]
-        radius = 0.5 * self.table.goal_width + 0.09
+        raster.disc(image, x, y, max(1.0, CENTRE_SPOT * self.scale), 1.0, MARKING, 1.0)
+        crease = (0.5 * self.table.goal_width + CREASE_MARGIN) * self.scale
         for side, color in ((-1.0, LEFT), (1.0, RIGHT)):
             x, y = self._pixel(side * 0.5 * self.table.length, 0.0)
-            x, y = x - max(left, 0), y - max(top, 0)
-            raster.disc(view, x, y, radius * self.scale, 1.0, color, 0.10)
-            raster.ring(view, x, y, radius * self.scale, line, 1.0, color, 0.8)
+            raster.disc(image, x, y, crease, 1.0, color, 0.10)
+            raster.ring(image, x, y, crease, line, 1.0, color, 0.8)
 
     def _draw_holes(self, image: np.ndarray) -> None:
         if HOLE_SPACING * self.scale < SMALLEST_HOLE_SPACING:
@@ -329,8 +343,10 @@ class Renderer:
         """The bright strip around the surface that the puck bounces off; its inner edge is the wall."""
         inside = 0.5 * LIP_WIDTH
         x, y = 0.5 * self.table.length + inside, 0.5 * self.table.width + inside
-        corners = np.array([self._pixel(*p) for p in ((-x, y), (x, y), (x, -y), (-x, -y), (-x, y))])
-        raster.stroke(image, corners, max(1.0, LIP_WIDTH * self.scale), 1.0, LIP, 1.0)
+        corners = np.array([self._pixel(*corner) for corner in ((-x, y), (x, y), (x, -y), (-x, -y), (-x, y))])
+        # Side by side: the bounding box of one stroke around everything would be the whole table.
+        for side in range(4):
+            raster.stroke(image, corners[side : side + 2], max(1.0, LIP_WIDTH * self.scale), 1.0, LIP, 1.0)
 
     def _draw_goal(self, image: np.ndarray, side: float, color: Color) -> None:
         """A dark pocket cut into the rail, the goal line before it and a post on either side."""
@@ -339,7 +355,7 @@ class Renderer:
         for grow, shade in ((0.006, POCKET_EDGE), (0.0, POCKET)):
             near, top = self._pixel(side * line, half)
             far, bottom = self._pixel(side * (line + POCKET_DEPTH + grow), -half)
-            corner = 0.02 * self.scale
+            corner = min(0.02, 0.5 * half) * self.scale
             raster.box(image, min(near, far), top, max(near, far), bottom, corner, 1.0, shade, 1.0)
         ends = np.array([self._pixel(side * line, half), self._pixel(side * line, -half)])
         raster.stroke(image, ends, max(1.5, 1.5 * LINE_WIDTH * self.scale), 1.0, color, 1.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from airhockey_env.compiled import compiled
+from airhockey_env.compiled import compiled, inlined
 from airhockey_env.engine.impact import relieve, strike_disc, strike_edge
 from airhockey_env.engine.kiss import next_kiss
 from airhockey_env.engine.motion import fly
@@ -12,10 +12,10 @@ from airhockey_env.engine.records import DISC, GOAL, NOTHING, WALL, Outcome
 
 
 @compiled
-def resolve(discs, kiss, surface, contacts, count, time):
-    """Let the two that kiss bounce. Returns the new number of contacts."""
+def resolve(discs, kiss, surface, bounce, contacts, count, time):
+    """Let the two that kiss bounce, with `bounce` of the restitution. Returns the new number of contacts."""
     if kiss.kind == DISC:
-        return strike_disc(discs, kiss.a, kiss.b, surface.disc_restitution, contacts, count, time)
+        return strike_disc(discs, kiss.a, kiss.b, bounce * surface.disc_restitution, contacts, count, time)
     a = kiss.a
     if kiss.kind == WALL:
         axis = kiss.b // 2
@@ -31,10 +31,11 @@ def resolve(discs, kiss, surface, contacts, count, time):
         dy = discs.position[a, 1] - side * surface.half_goal
         distance = math.sqrt(dx * dx + dy * dy)
         nx, ny = dx / distance, dy / distance
-    return strike_edge(discs, a, nx, ny, surface, contacts, count, time)
+    restitution = bounce * surface.wall_restitution
+    return strike_edge(discs, a, nx, ny, restitution, surface.wall_tangential, contacts, count, time)
 
 
-@compiled
+@inlined
 def advance(discs, surface, start, tick, limit, contacts, pause):
     """Play one table from `start` to `tick` seconds into a tick, exactly.
 
@@ -64,7 +65,8 @@ def advance(discs, surface, start, tick, limit, contacts, pause):
             side = 1 if kiss.b == 0 else -1
             discs.position[kiss.a, 0] = side * surface.half_length
             return Outcome(elapsed, count, side)
-        if not relieve(discs, kiss.a, kiss.b if kiss.kind == DISC else -1, limit):
-            count = resolve(discs, kiss, surface, contacts, count, elapsed)
+        bounce = relieve(discs, kiss.a, kiss.b if kiss.kind == DISC else -1, limit)
+        if bounce >= 0.0:
+            count = resolve(discs, kiss, surface, bounce, contacts, count, elapsed)
             if pause and count == contacts.shape[0]:
                 return Outcome(elapsed, count, 0)

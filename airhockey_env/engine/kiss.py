@@ -5,23 +5,23 @@ the leg from that path to B's centre and the sum of the radii, which is the hypo
 the kiss on the path, and with the relative velocity its time. A wall is a line that the centre may not cross, a post
 is a disc of radius 0, and the goal line between the posts is a sensor: crossing it is reported and ends the tick.
 
-Kisses at the same instant are taken in a fixed order, so that runs repeat to the bit: pairs of discs by their
-numbers (of two equally early pairs that share a disc, the one that approaches faster first), then for every disc the
-end wall, the side wall, the posts (the one at +y first) and the goal line.
+Kisses at the same instant are taken in a fixed order, so that runs repeat to the bit: by the number of the disc, and
+for each disc first its pairs with discs of higher numbers (of two equally early pairs that share a disc, the
+one that approaches faster first), then the end wall, the side wall, the posts (the one at +y first), the goal line.
 """
 
 from __future__ import annotations
 
 import math
 
-from airhockey_env.compiled import compiled
+from airhockey_env.compiled import compiled, inlined
 from airhockey_env.engine.records import DISC, GOAL, NOTHING, POST, WALL, Discs, Kiss
-from airhockey_env.engine.tolerances import TOUCH_SPEED
+from airhockey_env.engine.tolerances import TOUCH_GAP, TOUCH_SPEED
 
 END_WALL, SIDE_WALL = 0, 2  # numbers of walls: at +x, -x, +y, -y
 
 
-@compiled
+@inlined
 def kiss_time(dx, dy, vx, vy, reach):
     """Time until two discs kiss, or inf if they never do.
 
@@ -41,44 +41,29 @@ def kiss_time(dx, dy, vx, vy, reach):
     top_leg2 = reach * reach * speed2 - shared_leg * shared_leg  # squared, times speed squared
     if not top_leg2 > 0.0:
         return math.inf
-    if dx * dx + dy * dy <= reach * reach:
-        return 0.0 if approach < -TOUCH_SPEED * reach else math.inf
+    distance2, reach2 = dx * dx + dy * dy, reach * reach
+    if distance2 <= reach2 * (1.0 + TOUCH_GAP):
+        if approach >= -TOUCH_SPEED * reach:  # at rest on each other
+            return math.inf
+        if distance2 <= reach2:
+            return 0.0
     return max(0.0, (-approach - math.sqrt(top_leg2)) / speed2)
 
 
 @compiled
-def _earlier_disc(discs, a, best):
-    """The kiss of disc a with a disc of a higher number, if it comes before `best`."""
+def _faster(discs, a, b, best):
+    """Whether disc a approaches disc b faster than the pair `best` approaches each other."""
     position, velocity = discs.position, discs.velocity
-    for b in range(a + 1, position.shape[0]):
-        if discs.inverse_mass[a] + discs.inverse_mass[b] == 0.0:
-            continue
-        dx = position[a, 0] - position[b, 0]
-        dy = position[a, 1] - position[b, 1]
-        vx = velocity[a, 0] - velocity[b, 0]
-        vy = velocity[a, 1] - velocity[b, 1]
-        time = kiss_time(dx, dy, vx, vy, discs.radius[a] + discs.radius[b])
-        if time < best.time:
-            best = Kiss(time, DISC, a, b)
-        elif time == best.time and best.kind == DISC and best.b == b:
-            # A disc that two others reach at once meets the faster one first, whatever their numbers: so a table
-            # turned by 180 degrees, where the numbers of the paddles are swapped, plays the same.
-            ox = position[best.a, 0] - position[b, 0]
-            oy = position[best.a, 1] - position[b, 1]
-            ux = velocity[best.a, 0] - velocity[b, 0]
-            uy = velocity[best.a, 1] - velocity[b, 1]
-            if dx * vx + dy * vy < ox * ux + oy * uy:
-                best = Kiss(time, DISC, a, b)
-    return best
+    dx, dy = position[a, 0] - position[b, 0], position[a, 1] - position[b, 1]
+    vx, vy = velocity[a, 0] - velocity[b, 0], velocity[a, 1] - velocity[b, 1]
+    ox, oy = position[best.a, 0] - position[best.b, 0], position[best.a, 1] - position[best.b, 1]
+    ux, uy = velocity[best.a, 0] - velocity[best.b, 0], velocity[best.a, 1] - velocity[best.b, 1]
+    return dx * vx + dy * vy < ox * ux + oy * uy
 
 
 @compiled
-def _earlier_edge(discs, a, surface, best):
+def _earlier_edge(x, y, vx, vy, radius, surface, a, best):
     """The kiss of disc a with a wall or post, or its crossing of a goal line, if it comes before `best`."""
-    x, y = discs.position[a, 0], discs.position[a, 1]
-    vx, vy = discs.velocity[a, 0], discs.velocity[a, 1]
-    radius = discs.radius[a]
-
     end = 1.0 if vx > 0.0 else -1.0
     limit = surface.half_length - radius
     if end * (x + vx * best.time) > limit and vx != 0.0:
@@ -110,13 +95,35 @@ def _earlier_edge(discs, a, surface, best):
     return best
 
 
-@compiled
+@inlined
 def next_kiss(discs, surface, horizon):
     """The earliest kiss on the table within `horizon` seconds; its kind is NOTHING, at `horizon`, if there is none."""
+    position, velocity, radius, inverse_mass = discs.position, discs.velocity, discs.radius, discs.inverse_mass
     best = Kiss(horizon, NOTHING, -1, -1)
-    for a in range(discs.position.shape[0]):
-        best = _earlier_disc(discs, a, best)
-    for a in range(discs.position.shape[0]):
-        if discs.inverse_mass[a] > 0.0:
-            best = _earlier_edge(discs, a, surface, best)
+    n = position.shape[0]
+    for a in range(n):
+        x, y = position[a, 0], position[a, 1]
+        vx, vy = velocity[a, 0], velocity[a, 1]
+        for b in range(a + 1, n):
+            if inverse_mass[a] + inverse_mass[b] == 0.0:
+                continue
+            time = kiss_time(
+                x - position[b, 0], y - position[b, 1], vx - velocity[b, 0], vy - velocity[b, 1], radius[a] + radius[b]
+            )
+            if time < best.time:
+                best = Kiss(time, DISC, a, b)
+            elif time == best.time and best.kind == DISC and (best.a == a or best.b == a or best.b == b):
+                # A disc that two others reach at once meets the faster one first, whatever their numbers: so a
+                # table turned by 180 degrees, where the numbers of the paddles are swapped, plays the same.
+                if _faster(discs, a, b, best):
+                    best = Kiss(time, DISC, a, b)
+        # Most discs are nowhere near an edge: ask closely only when they start or end beyond where they touch one.
+        reach_x, reach_y = surface.half_length - radius[a], surface.half_width - radius[a]
+        near = (
+            abs(x) > reach_x
+            or abs(x + vx * best.time) > reach_x
+            or abs(y + vy * best.time) > reach_y
+        )
+        if near and inverse_mass[a] > 0.0:
+            best = _earlier_edge(x, y, vx, vy, radius[a], surface, a, best)
     return best

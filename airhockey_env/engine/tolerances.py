@@ -5,11 +5,16 @@ TOUCH_SPEED = 1e-12
 perfectly inelastic pair whose speeds differ by one rounding would kiss for ever. At this speed an overlap of 1e-9 m
 would take a quarter of an hour to build up."""
 
+TOUCH_GAP = 1e-14
+"""Share of the squared sum of the radii by which the squared distance of two discs may exceed it, by rounding, while
+they touch: discs that rest on each other are as often an ulp apart as an ulp too close."""
+
 OVERLAP = 1e-9
 """m. A deeper overlap of discs, or of a disc and a wall, is a caller's mistake; a smaller one is rounding."""
 
 GAME_CONTACTS = 8
-"""Contacts of the puck in one tick of the game before it counts as squeezed: see `advance`."""
+"""Contacts of the puck in one tick of the game before it counts as squeezed: see `relieve`."""
 
-TABLE_CONTACTS = 1000
-"""The same for a disc on an `AirTable`, per second of tick (at least a second's worth)."""
+TABLE_CONTACTS = 10_000
+"""The same for a disc on an `AirTable`, per second of tick (at least a second's worth). So many, because a light puck
+between a wall and one that is a million times as heavy has 3141 honest contacts in a row."""

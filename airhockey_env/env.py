@@ -1,0 +1,248 @@
+"""One table for Gymnasium. The class's docstring is the environment's specification."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from airhockey_env.contacts import Contacts
+from airhockey_env.game import Game, Policy
+from airhockey_env.spaces import action_space, observation_space
+from airhockey_env.tables import TableSpec
+
+RENDER_MODES = ("human", "rgb_array")
+
+
+class AirHockeyEnv(gym.Env):
+    """
+    ## Description
+    Air hockey against an opponent, on an exact physics engine: within a control step every contact of puck, paddles,
+    walls and goal posts is found at its own time and place and resolved in order ("the perfect kiss"), at any speed.
+    You are the left player. An episode is one point: whoever gets the puck's centre over the other's goal line wins.
+
+    `gymnasium.make_vec("AirHockey-v0", num_envs=4096)` plays many tables at once in one compiled kernel, with the
+    same trajectories to the bit.
+
+    ## Action space
+    `Box(-1, 1, (2,), float32)`: the paddle's target velocity (x towards the opponent, y to the left) as a share of its
+    greatest speed. Values out of range are clipped to [-1, 1]; a vector longer than 1 is then shortened to 1. The
+    paddle's velocity follows with a limited acceleration; the paddle stays on its own half and off the walls.
+
+    With `continuous=False`, `Discrete(9)`: 0 stays, 1 to 8 are full speed straight ahead and then in steps of 45
+    degrees counter-clockwise.
+
+    ## Observation space
+    `Box(-1, 1, (13,), float32)`, in range by construction, from the player's own side (own goal at -x):
+
+    | index | what | scale |
+    |---|---|---|
+    | 0 | own paddle x | half length |
+    | 1 | own paddle y | half width |
+    | 2 | own paddle velocity x | paddle's greatest speed |
+    | 3 | own paddle velocity y | paddle's greatest speed |
+    | 4 | opponent's paddle x | half length |
+    | 5 | opponent's paddle y | half width |
+    | 6 | opponent's paddle velocity x | paddle's greatest speed |
+    | 7 | opponent's paddle velocity y | paddle's greatest speed |
+    | 8 | puck x | half length |
+    | 9 | puck y | half width |
+    | 10 | puck velocity x | puck's greatest speed |
+    | 11 | puck velocity y | puck's greatest speed |
+    | 12 | shot clock: share used, + on own side, - on the far side | 7 s |
+
+    ## Rewards
+    `reward="sparse"`: +1 for a goal, -1 for a goal against, else 0. `reward="shaped"`: that, plus
+    0.99 * potential(after) - potential(before), a potential-based term that leaves the best policy for a discount of
+    0.99 what it was; see `airhockey_env.rewards`.
+
+    ## Starting state
+    Paddles rest at home, 80 % of the way from the centre to the end walls. The puck rests on a random spot of a random
+    side, 20 to 50 % of the half length from the centre line and up to half the half width off the long axis.
+    `reset(options={"serve": "left"})` (or `"right"`, `"random"`) chooses the side; `"puck_position"` and
+    `"puck_velocity"`, two numbers each in m and m/s, set the puck.
+
+    ## Rules
+    A side has 7 s to send the puck back over the centre line; after that it is a foul, and the other side serves. The
+    puck's speed is capped at the table's `puck_speed` at the end of each step.
+
+    ## Episode end
+    Terminates with a goal. `gymnasium.make` truncates after 1000 steps (20 s at 50 Hz); `max_episode_steps` changes
+    that. A foul does not end the episode.
+
+    ## Info
+    `score`: (2,) int32, own and opponent's. `contacts`: those of this step, see `airhockey_env.contacts.Contacts`
+    (the first 8; only a squeezed puck has more). `is_success`: True on the step that wins the episode.
+
+    ## Arguments
+    | argument | values | default |
+    |---|---|---|
+    | `opponent` | `"idle"`, `"random"`, `"goalie"`, `"striker"`, or a callable: float32 observations (N, 13) from its own side to actions (N, 2) | `"striker"` |
+    | `opponent_skill` | 0 to 1: share of its paddle's speed that a scripted opponent uses | 1.0 |
+    | `table` | `"full_size"`, `"challenge"`, `"ideal"` or a `TableSpec` | `"full_size"` |
+    | `continuous` | True or False, see above | True |
+    | `reward` | `"sparse"` or `"shaped"` | `"sparse"` |
+    | `control_hz` | 10 to 240: control steps per second | 50 |
+    | `max_episode_steps` | whole number or None: truncates inside the environment (without `gymnasium.make`) | None |
+    | `render_mode` | None, `"rgb_array"`, `"human"` | None |
+    | `render_size` | (width, height) px or None | None |
+
+    Each argument out of range raises ValueError naming it.
+
+    ## Version history
+    * v0: first version.
+    """  # noqa: E501
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": list(RENDER_MODES), "render_fps": 50}
+
+    def __init__(
+        self,
+        *,
+        opponent: str | Policy = "striker",
+        opponent_skill: float = 1.0,
+        table: str | TableSpec = "full_size",
+        continuous: bool = True,
+        reward: str = "sparse",
+        control_hz: float = 50,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+        render_size: tuple[int, int] | None = None,
+    ) -> None:
+        self._game = Game(
+            1,
+            table=table,
+            opponent=opponent,
+            opponent_skill=opponent_skill,
+            continuous=continuous,
+            reward=reward,
+            control_hz=control_hz,
+            max_episode_steps=max_episode_steps,
+            num_threads=1,
+        )
+        self.render_mode = check_render_mode(render_mode, RENDER_MODES)
+        self.metadata = {**type(self).metadata, "render_fps": round(self._game.control_hz)}
+        self.observation_space = observation_space()
+        self.action_space = action_space(self._game.continuous)
+        self._renderer = None if render_mode is None else make_renderer(self._game.spec, render_size)
+        self._window: Any = None
+        # Views of the one table: reading a recarray's field in every step would cost more than playing it.
+        state = self._game.tables.view(np.ndarray)
+        self._score, self._n_contacts = state["score"][0], state["n_contacts"]
+        self._contacts = self._game.out.contacts.view(np.ndarray)[0]
+        self._seeded = False
+
+    @property
+    def table(self) -> TableSpec:
+        """The table in play."""
+        return self._game.spec
+
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """(3, 2) m, a copy: left paddle, right paddle, puck; centred on the table, x along its length."""
+        return self._game.tables["position"][0].copy()
+
+    @property
+    def velocities(self) -> NDArray[np.float64]:
+        """(3, 2) m/s, a copy: left paddle, right paddle, puck."""
+        return self._game.tables["velocity"][0].copy()
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begin an episode.
+
+        Args:
+            seed: starts the table's random stream anew; without it the stream goes on.
+            options: `"serve"`: `"left"`, `"right"` or `"random"`; `"puck_position"`, `"puck_velocity"`: two numbers
+                each, m and m/s.
+
+        Raises:
+            ValueError: an option is unknown or out of range. The state is as it was then.
+        """
+        checked = self._game.check_reset_options(options)
+        super().reset(seed=seed)
+        if seed is None and not self._seeded:
+            seed = int(self.np_random.integers(2**63))
+        if seed is not None:
+            self._game.seed([seed])
+            self._seeded = True
+        self._game.reset(options=checked)
+        if self.render_mode == "human":
+            self.render()
+        return self._game.out.observation[0].copy(), self._info(False)
+
+    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Play one control step.
+
+        Raises:
+            ValueError: the action has the wrong shape or is not finite. Nothing has changed then.
+            gymnasium.error.ResetNeeded: the episode is over, or none has begun.
+        """
+        game, out = self._game, self._game.out
+        game.step(game.check_actions(np.asarray(action)[np.newaxis]))
+        terminated = bool(out.terminated[0])
+        info = self._info(terminated and bool(self._score[0] > self._score[1]))
+        if self.render_mode == "human":
+            self.render()
+        return out.observation[0].copy(), float(out.reward[0]), terminated, bool(out.truncated[0]), info
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """The picture as (height, width, 3) uint8 in `"rgb_array"` mode; shows it in a window in `"human"` mode."""
+        if self._renderer is None:
+            gym.logger.warn("render() needs a render_mode: gymnasium.make(id, render_mode='rgb_array')")
+            return None
+        frame = draw_row(self._renderer, self._game, 0)
+        if self.render_mode == "rgb_array":
+            return frame
+        if self._window is None:
+            from airhockey_env.window import Window
+
+            height, width = frame.shape[:2]
+            self._window = Window((width, height), "Air hockey", self.metadata["render_fps"])
+        self._window.show(frame)
+        return None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._window is not None:
+            self._window.close()
+            self._window = None
+
+    def get_state(self) -> NDArray[np.void]:
+        """Everything that decides what happens next: (1,) record, random stream and clocks included."""
+        return self._game.get_state()
+
+    def set_state(self, state: NDArray[np.void]) -> None:
+        """Go on from a state that `get_state` returned: what follows is the same to the bit.
+
+        Raises:
+            ValueError: not such a state. Nothing has changed then.
+        """
+        self._game.set_state(state)
+
+    def _info(self, is_success: bool) -> dict[str, Any]:
+        contacts = Contacts(self._contacts[: self._n_contacts[0]].copy())
+        return {"score": self._score.copy(), "contacts": contacts, "is_success": is_success}
+
+
+def check_render_mode(render_mode: str | None, allowed: tuple[str, ...]) -> str | None:
+    """`render_mode`, or a ValueError that says what is allowed."""
+    if render_mode is not None and render_mode not in allowed:
+        raise ValueError(f"render_mode must be None or one of {allowed}, got {render_mode!r}")
+    return render_mode
+
+
+def make_renderer(spec: TableSpec, size: tuple[int, int] | None) -> Any:
+    """A `Renderer`; imported here, so that playing without pictures does not load it."""
+    from airhockey_env.render import Renderer
+
+    return Renderer(spec, size)
+
+
+def draw_row(renderer: Any, game: Game, i: int) -> NDArray[np.uint8]:
+    """The picture of table i of a game."""
+    table = game.tables[i]
+    used = int(table.side) * int(table.clock) / int(game.physics.clock_limit[0])
+    return renderer.draw(table.position, score=(int(table.score[0]), int(table.score[1])), clock=used)

@@ -1,0 +1,322 @@
+"""The game for a number of tables: arrays in, arrays out. Every face of the package is a thin layer over this."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple
+
+import numpy as np
+from gymnasium.error import InvalidAction, ResetNeeded
+from numpy.typing import ArrayLike, NDArray
+
+from airhockey_env import kernel
+from airhockey_env.engine.records import CONTACT
+from airhockey_env.engine.tolerances import OVERLAP
+from airhockey_env.opponents import EXTERNAL, SCRIPTED
+from airhockey_env.random_stream import stream_from_seed
+from airhockey_env.records import (
+    AUTORESET_DISABLED,
+    CONTACT_ROWS,
+    HOME,
+    OBSERVATION_SIZE,
+    PUCK,
+    SETTINGS,
+    TABLE,
+    physics_record,
+)
+from airhockey_env.tables import TableSpec, resolve_table
+
+Policy = Callable[[NDArray[np.float32]], ArrayLike]
+"""An opponent from outside: float32 observations (N, 13), seen from its own side, to actions (N, 2)."""
+
+REWARDS = ("sparse", "shaped")
+CONTROL_HZ = (10, 240)
+ROWS_PER_THREAD = 1024
+"""Fewer tables than this are not worth waking a thread for."""
+
+DIRECTIONS = np.array(
+    [[0, 0], [1, 0], [math.sqrt(0.5), math.sqrt(0.5)], [0, 1], [-math.sqrt(0.5), math.sqrt(0.5)],
+     [-1, 0], [-math.sqrt(0.5), -math.sqrt(0.5)], [0, -1], [math.sqrt(0.5), -math.sqrt(0.5)]],
+    dtype=np.float32,
+)  # fmt: skip
+"""The nine discrete actions: stay, then eight directions at full speed, counter-clockwise from straight ahead."""
+
+SERVERS = {"random": 0, "left": -1, "right": 1}
+
+
+class ResetOptions(NamedTuple):
+    """How an episode begins."""
+
+    serve: str = "random"  # one of SERVERS
+    puck_position: NDArray[np.float64] | None = None  # (2,) m, in place of the served one
+    puck_velocity: NDArray[np.float64] | None = None  # (2,) m/s
+
+
+class Outputs(NamedTuple):
+    """What the compiled step writes; allocated once."""
+
+    observation: NDArray[np.float32]  # (N, 13) of the left players
+    other_observation: NDArray[np.float32]  # (N, 13) of the right players, where an opponent from outside needs it
+    final_observation: NDArray[np.float32]  # (N, 13) what an automatic reset in the same step replaced
+    reward: NDArray[np.float64]  # (N,)
+    terminated: NDArray[np.bool_]  # (N,)
+    truncated: NDArray[np.bool_]  # (N,)
+    contacts: np.recarray  # (N, CONTACT_ROWS) CONTACT
+
+
+class Game:
+    """Air hockey on `num_tables` tables at once.
+
+    The arguments are those of `AirHockeyEnv`, where they are described; this is the one place that checks them.
+
+    Attributes:
+        spec: the `TableSpec` in play.
+        tables: (N,) records of `TABLE`: the whole state.
+        out: `Outputs` of the last reset or step; overwritten by the next.
+    """
+
+    def __init__(
+        self,
+        num_tables: int,
+        *,
+        table: str | TableSpec = "full_size",
+        opponent: str | Policy = "striker",
+        opponent_skill: float = 1.0,
+        continuous: bool = True,
+        reward: str = "sparse",
+        control_hz: float = 50,
+        points: int = 1,
+        max_episode_steps: int | None = None,
+        autoreset: int = AUTORESET_DISABLED,
+        num_threads: int | None = None,
+    ) -> None:
+        self.num_tables = _whole("num_envs", num_tables, 1)
+        self.spec = resolve_table(table)
+        number, self._policy = _opponent(opponent)
+        if reward not in REWARDS:
+            raise ValueError(f"reward must be one of {REWARDS}, got {reward!r}")
+        if not isinstance(continuous, (bool, np.bool_)):
+            raise ValueError(f"continuous must be True or False, got {continuous!r}")
+        self.continuous = bool(continuous)
+        self.control_hz = _between("control_hz", control_hz, *CONTROL_HZ)
+        skill = _between("opponent_skill", opponent_skill, 0.0, 1.0)
+        max_steps = 0 if max_episode_steps is None else _whole("max_episode_steps", max_episode_steps, 1)
+        self.num_threads = (os.cpu_count() or 1) if num_threads is None else _whole("num_threads", num_threads, 1)
+        self._threads: ThreadPoolExecutor | None = None
+
+        self.physics = physics_record(self.spec, self.control_hz)
+        self.settings = np.zeros(1, SETTINGS).view(np.recarray)
+        self.settings.points = _whole("points", points, 1)
+        self.settings.max_steps = max_steps
+        self.settings.shaped = reward == "shaped"
+        self.settings.autoreset = autoreset
+        self.settings.both_sides = self._policy is not None
+
+        n = self.num_tables
+        self.tables = np.zeros(n, TABLE).view(np.recarray)
+        self.tables.opponent = number
+        self.tables.skill = skill
+        self.out = Outputs(
+            observation=np.zeros((n, OBSERVATION_SIZE), np.float32),
+            other_observation=np.zeros((n if self._policy else 0, OBSERVATION_SIZE), np.float32),
+            final_observation=np.zeros((n, OBSERVATION_SIZE), np.float32),
+            reward=np.zeros(n, np.float64),
+            terminated=np.zeros(n, np.bool_),
+            truncated=np.zeros(n, np.bool_),
+            contacts=np.zeros((n, CONTACT_ROWS), CONTACT).view(np.recarray),
+        )
+        self._others = np.zeros((n, 2), np.float32)
+        self._all_rows = np.arange(n)
+        self._done = self.tables.view(np.ndarray)["done"]  # a view: reading a recarray's field is slow
+        self._autoreset = autoreset
+        self.begun = False
+
+    # What a caller does -----------------------------------------------------------------------------------------
+
+    def seed(self, seeds: list[int | None] | NDArray[np.int64]) -> None:
+        """Start the random stream of every table whose seed is not None anew."""
+        for i, seed in enumerate(seeds):
+            if seed is not None:
+                self.tables.stream[i] = stream_from_seed(int(seed))
+
+    def reset(self, rows: NDArray[np.int64] | None = None, options: ResetOptions | None = None) -> None:
+        """Begin an episode on the given tables (all by default), with checked options."""
+        rows = self._all_rows if rows is None else rows
+        options = options or ResetOptions()
+        sides = np.full(len(rows), SERVERS[options.serve], np.int64)
+        kernel.reset_rows(rows, sides, self.tables, self.physics, self.settings, self.out)
+        if options.puck_position is not None:
+            self.tables["position"][rows, PUCK] = options.puck_position
+            self.tables["side"][rows] = -1 if options.puck_position[0] < 0.0 else 1
+        if options.puck_velocity is not None:
+            self.tables["velocity"][rows, PUCK] = options.puck_velocity
+        if options.puck_position is not None or options.puck_velocity is not None:
+            kernel.refresh_rows(rows, self.tables, self.physics, self.settings, self.out)
+        self.begun = True
+
+    def check_actions(self, actions: ArrayLike) -> NDArray[np.float32]:
+        """Actions as float32 target velocities (N, 2).
+
+        Raises:
+            ValueError: of another shape or kind than the action space's, or not finite.
+        """
+        n = self.num_tables
+        if not self.continuous:
+            chosen = np.asarray(actions)
+            if chosen.shape != (n,) or chosen.dtype.kind not in "iu" or ((chosen < 0) | (chosen > 8)).any():
+                raise ValueError(f"actions must be {n} whole numbers from 0 to 8, got {actions!r}")
+            return DIRECTIONS[chosen]
+        try:
+            targets = np.ascontiguousarray(actions, dtype=np.float32)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"actions must be an array of shape ({n}, 2), got {actions!r}") from error
+        if targets.shape != (n, 2):
+            raise ValueError(f"actions must be an array of shape ({n}, 2), got shape {targets.shape}")
+        if not np.isfinite(targets).all():
+            raise ValueError(f"actions must be finite, got {targets[~np.isfinite(targets)][0]}")
+        return targets
+
+    def step(self, targets: NDArray[np.float32]) -> None:
+        """Play one step on all tables with checked actions (see `check_actions`); the results lie in `out`."""
+        if not self.begun:
+            raise ResetNeeded("call reset before step")
+        if self._autoreset == AUTORESET_DISABLED and self._done.any():
+            raise ResetNeeded(
+                f"the episodes on tables {np.flatnonzero(self._done).tolist()} are over: reset them before step"
+            )
+        others = self._others if self._policy is None else self._ask(self._policy)
+        n = self.num_tables
+        threads = min(self.num_threads, n // ROWS_PER_THREAD)
+        if threads < 2:
+            self._step_rows(0, n, targets, others)
+            return
+        if self._threads is None:
+            self._threads = ThreadPoolExecutor(threads - 1, thread_name_prefix="airhockey")
+        bounds = [n * k // threads for k in range(threads + 1)]
+        parts = [
+            self._threads.submit(self._step_rows, bounds[k], bounds[k + 1], targets, others) for k in range(1, threads)
+        ]
+        self._step_rows(0, bounds[1], targets, others)
+        for part in parts:
+            part.result()
+
+    def get_state(self, rows: NDArray[np.int64] | slice = slice(None)) -> NDArray[np.void]:
+        """A copy of everything that decides what happens next on the given tables."""
+        return np.array(self.tables[rows].view(np.ndarray))
+
+    def set_state(self, state: NDArray[np.void], rows: NDArray[np.int64] | slice = slice(None)) -> None:
+        """Put copied states back (or onto other tables): what follows is the same to the bit.
+
+        Raises:
+            ValueError: not a state of as many tables. Nothing has changed then.
+        """
+        chosen = self._all_rows[rows]
+        if not isinstance(state, np.ndarray) or state.dtype != TABLE or state.shape != chosen.shape:
+            raise ValueError(
+                f"state must be what get_state returned for {len(chosen)} tables, got "
+                f"{getattr(state, 'dtype', type(state))!r} of shape {getattr(state, 'shape', None)}"
+            )
+        self.tables[chosen] = state
+        self.begun = True
+        kernel.refresh_rows(chosen, self.tables, self.physics, self.settings, self.out)
+
+    # How it is done ---------------------------------------------------------------------------------------------
+
+    def _step_rows(self, first: int, last: int, targets: NDArray[np.float32], others: NDArray[np.float32]) -> None:
+        kernel.step_rows(first, last, self.tables, self.physics, self.settings, targets, others, self.out)
+
+    def _ask(self, policy: Policy) -> NDArray[np.float32]:
+        """The actions of an opponent from outside."""
+        seen = self.out.other_observation.view()
+        seen.flags.writeable = False
+        answer = np.ascontiguousarray(policy(seen), dtype=np.float32)
+        if answer.shape != (self.num_tables, 2) or not np.isfinite(answer).all():
+            raise InvalidAction(
+                f"opponent must return finite actions of shape ({self.num_tables}, 2), got shape {answer.shape}"
+            )
+        return answer
+
+    def check_reset_options(self, options: Mapping[str, Any] | None) -> ResetOptions:
+        """`options` of a reset, checked; see `AirHockeyEnv.reset`.
+
+        Raises:
+            ValueError: one is unknown or out of range.
+        """
+        options = options or {}
+        for name in options:
+            if name not in ResetOptions._fields:
+                raise ValueError(f"options may hold {ResetOptions._fields}, got {name!r}")
+        serve = options.get("serve", "random")
+        if serve not in SERVERS:
+            raise ValueError(f"options['serve'] must be one of {sorted(SERVERS)}, got {serve!r}")
+        place = _pair("options['puck_position']", options.get("puck_position"))
+        if place is not None:
+            spec = self.spec
+            limit = np.array([0.5 * spec.length, 0.5 * spec.width]) - spec.puck_radius
+            if (np.abs(place) > limit + OVERLAP).any():
+                raise ValueError(
+                    f"options['puck_position'] must be at most {tuple(limit.tolist())} m from the centre, "
+                    f"got {tuple(place.tolist())}"
+                )
+            for home in (-HOME, HOME):
+                reach = spec.paddle_radius + spec.puck_radius
+                if math.dist(place, (0.5 * home * spec.length, 0.0)) < reach - OVERLAP:
+                    raise ValueError(
+                        f"options['puck_position'] must be {reach} m from a paddle at home "
+                        f"({0.5 * home * spec.length}, 0), got {tuple(place.tolist())}"
+                    )
+        velocity = _pair("options['puck_velocity']", options.get("puck_velocity"))
+        if velocity is not None and math.hypot(*velocity) > self.spec.puck_speed:
+            raise ValueError(
+                f"options['puck_velocity'] must be at most {self.spec.puck_speed} m/s, got {tuple(velocity.tolist())}"
+            )
+        return ResetOptions(serve, place, velocity)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_threads": None}  # threads are made anew where they are needed
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Game:
+        from copy import deepcopy
+
+        copied = type(self).__new__(type(self))
+        memo[id(self)] = copied
+        # A policy from outside is shared: it is a caller's, and may not be copyable.
+        copied.__dict__.update(
+            {name: value if name == "_policy" else deepcopy(value, memo) for name, value in self.__getstate__().items()}
+        )
+        return copied
+
+
+def _opponent(opponent: str | Policy) -> tuple[int, Policy | None]:
+    if isinstance(opponent, str) and opponent in SCRIPTED:
+        return SCRIPTED[opponent], None
+    if callable(opponent):
+        return EXTERNAL, opponent
+    raise ValueError(f"opponent must be one of {sorted(SCRIPTED)} or a callable, got {opponent!r}")
+
+
+def _whole(name: str, value: Any, least: int) -> int:
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)) or value < least:
+        raise ValueError(f"{name} must be a whole number from {least} up, got {value!r}")
+    return int(value)
+
+
+def _between(name: str, value: Any, low: float, high: float) -> float:
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.number)) or not low <= value <= high:
+        raise ValueError(f"{name} must be a number from {low} to {high}, got {value!r}")
+    return float(value)
+
+
+def _pair(name: str, value: Any) -> NDArray[np.float64] | None:
+    if value is None:
+        return None
+    try:
+        pair = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} must be two finite numbers, got {value!r}") from error
+    if pair.shape != (2,) or not np.isfinite(pair).all():
+        raise ValueError(f"{name} must be two finite numbers, got {value!r}")
+    return pair

@@ -1,0 +1,127 @@
+"""The game, one step, as a recipe: for one table, and for the rows of a batch."""
+
+from __future__ import annotations
+
+from airhockey_env.compiled import compiled, inlined
+from airhockey_env.engine.advance import advance
+from airhockey_env.engine.motion import glide
+from airhockey_env.engine.records import Discs
+from airhockey_env.engine.tolerances import GAME_CONTACTS
+from airhockey_env.observations import observe
+from airhockey_env.opponents import EXTERNAL, play
+from airhockey_env.paddles import drive
+from airhockey_env.records import AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP, LEFT, PUCK, RIGHT
+from airhockey_env.rewards import potential, shaping
+from airhockey_env.rules import judge, start_episode
+
+
+@inlined
+def play_tick(table, physics, contacts):
+    """Paddles have their velocities: let the engine play one tick. Returns the side of the goal that was hit, or 0."""
+    discs = Discs(table.position, table.velocity, physics.radius, physics.inverse_mass, table.hits)
+    for disc in range(3):
+        table.hits[disc] = 0
+    p, q, r, s = physics.glide_p, physics.glide_q, physics.glide_r, physics.glide_s
+    glide(discs, PUCK, p, q, r, s, physics.puck_speed)
+    outcome = advance(discs, physics, 0.0, physics.tick, GAME_CONTACTS, contacts, False)
+    glide(discs, PUCK, p, q, r, s, physics.puck_speed)
+    table.n_contacts = min(outcome.contacts, contacts.shape[0])
+    return outcome.goal
+
+
+@inlined
+def begin(table, physics, side):
+    """Start the table's next episode, with a serve by `side` (0: drawn at random)."""
+    start_episode(table, physics, side)
+    table.potential = potential(table, physics)
+
+
+@inlined
+def step_table(table, physics, settings, ax, ay, bx, by, contacts):
+    """Play one step of one table; (ax, ay) and (bx, by) are the left and the right player's actions.
+
+    Returns (reward of the left player, terminated, truncated).
+    """
+    drive(table, physics, LEFT, ax, ay)
+    drive(table, physics, RIGHT, bx, by)
+    goal = play_tick(table, physics, contacts)
+    point, terminated = judge(table, physics, settings, goal)
+    reward = float(point)
+    if settings.shaped:
+        reward += shaping(table, physics, terminated)
+    table.steps += 1
+    truncated = settings.max_steps > 0 and table.steps >= settings.max_steps and not terminated
+    table.done = terminated or truncated
+    return reward, terminated, truncated
+
+
+@compiled
+def step_rows(first, last, tables, physics, settings, actions, others, out):
+    """Play one step of the tables `first` to `last` (excluded).
+
+    Args:
+        tables: (N,) `TABLE`; changed in place.
+        physics: (1,) or (N,) `PHYSICS`.
+        settings: (1,) `SETTINGS`.
+        actions: (N, 2) float32 of the left players.
+        others: (N, 2) float32 of the right players; read where the opponent is EXTERNAL.
+        out: `Outputs`; written in place.
+    """
+    rules = settings[0]
+    own_physics = physics.shape[0] > 1
+    for i in range(first, last):
+        table = tables[i]
+        law = physics[i if own_physics else 0]
+        if table.done and rules.autoreset == AUTORESET_NEXT_STEP:
+            begin(table, law, 0)
+            out.reward[i] = 0.0
+            out.terminated[i] = False
+            out.truncated[i] = False
+        else:
+            if table.opponent == EXTERNAL:
+                bx, by = float(others[i, 0]), float(others[i, 1])
+            else:
+                bx, by = play(table, law, RIGHT)
+            reward, terminated, truncated = step_table(
+                table, law, rules, float(actions[i, 0]), float(actions[i, 1]), bx, by, out.contacts[i]
+            )
+            out.reward[i] = reward
+            out.terminated[i] = terminated
+            out.truncated[i] = truncated
+            if table.done and rules.autoreset == AUTORESET_SAME_STEP:
+                observe(table, law, LEFT, out.final_observation, i)
+                table.final_score[0] = table.score[0]
+                table.final_score[1] = table.score[1]
+                table.final_contacts = table.n_contacts
+                begin(table, law, 0)
+        observe_row(table, law, rules, out, i)
+
+
+@inlined
+def observe_row(table, physics, settings, out, i):
+    """Write the observations of table i."""
+    observe(table, physics, LEFT, out.observation, i)
+    if settings.both_sides:
+        observe(table, physics, RIGHT, out.other_observation, i)
+
+
+@compiled
+def reset_rows(rows, sides, tables, physics, settings, out):
+    """Begin an episode on each of the given tables, with a serve by `sides[k]` (0: drawn at random)."""
+    own_physics = physics.shape[0] > 1
+    for k in range(rows.shape[0]):
+        i = rows[k]
+        law = physics[i if own_physics else 0]
+        begin(tables[i], law, sides[k])
+        observe_row(tables[i], law, settings[0], out, i)
+
+
+@compiled
+def refresh_rows(rows, tables, physics, settings, out):
+    """Bring everything that is derived from the given tables up to date after they were changed from outside."""
+    own_physics = physics.shape[0] > 1
+    for k in range(rows.shape[0]):
+        i = rows[k]
+        law = physics[i if own_physics else 0]
+        tables[i].potential = potential(tables[i], law)
+        observe_row(tables[i], law, settings[0], out, i)

@@ -1,0 +1,61 @@
+"""What a player sees: always from the own side, in [-1, 1]."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from airhockey_env.compiled import inlined
+from airhockey_env.records import LEFT, PUCK, RIGHT
+
+
+class View(NamedTuple):
+    """The table as one player sees it: own goal at -x, m and m/s. The right-hand player's is turned by 180 degrees."""
+
+    x: float  # own paddle
+    y: float
+    vx: float
+    vy: float
+    other_x: float  # the opponent's paddle
+    other_y: float
+    other_vx: float
+    other_vy: float
+    puck_x: float
+    puck_y: float
+    puck_vx: float
+    puck_vy: float
+
+
+@inlined
+def view(table, player):
+    """The table as `player` (LEFT or RIGHT) sees it."""
+    s = 1.0 if player == LEFT else -1.0
+    other = RIGHT if player == LEFT else LEFT
+    p, v = table.position, table.velocity
+    return View(
+        s * p[player, 0], s * p[player, 1], s * v[player, 0], s * v[player, 1],
+        s * p[other, 0], s * p[other, 1], s * v[other, 0], s * v[other, 1],
+        s * p[PUCK, 0], s * p[PUCK, 1], s * v[PUCK, 0], s * v[PUCK, 1],
+    )  # fmt: skip
+
+
+@inlined
+def observe(table, physics, player, out, i):
+    """Write a player's observation of the table to row i of `out`, (N, 13) float32; see `AirHockeyEnv`."""
+    seen = view(table, player)
+    per_x, per_y = 1.0 / physics.half_length, 1.0 / physics.half_width
+    per_paddle, per_puck = 1.0 / physics.paddle_speed, 1.0 / physics.puck_speed
+    out[i, 0] = seen.x * per_x
+    out[i, 1] = seen.y * per_y
+    out[i, 2] = seen.vx * per_paddle
+    out[i, 3] = seen.vy * per_paddle
+    out[i, 4] = seen.other_x * per_x
+    out[i, 5] = seen.other_y * per_y
+    out[i, 6] = seen.other_vx * per_paddle
+    out[i, 7] = seen.other_vy * per_paddle
+    out[i, 8] = seen.puck_x * per_x
+    out[i, 9] = seen.puck_y * per_y
+    out[i, 10] = seen.puck_vx * per_puck
+    out[i, 11] = seen.puck_vy * per_puck
+    own_side = table.side < 0 if player == LEFT else table.side > 0
+    used = table.clock / physics.clock_limit
+    out[i, 12] = used if own_side else -used

@@ -1,0 +1,105 @@
+"""The state of a game as NumPy records: one record a table, so that a state is a copy of a row.
+
+Everything that decides what happens next lies in `TABLE`, clocks and random stream included. `PHYSICS` is what a
+`TableSpec` and the control rate come to, in the form in which the compiled code wants it; one record serves all
+tables of a batch, or each table has its own.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from airhockey_env.engine.motion import glide_coefficients
+from airhockey_env.engine.records import SURFACE
+from airhockey_env.tables import TableSpec
+
+LEFT, RIGHT, PUCK = range(3)
+"""Numbers of the discs."""
+
+SHOT_CLOCK = 7.0
+"""s that a side has to send the puck back over the centre line (rules of the USA Air Hockey Association)."""
+
+HOME = 0.8
+"""A paddle's place at a serve, on the long axis: share of the half length from the centre."""
+
+OBSERVATION_SIZE = 13
+CONTACT_ROWS = 8
+"""Contacts of one step that a batch keeps for each table."""
+
+PHYSICS = np.dtype(
+    [
+        *((name, SURFACE[name]) for name in SURFACE.names or ()),
+        ("tick", np.float64),  # s, one control step
+        ("radius", np.float64, (3,)),  # m: left paddle, right paddle, puck
+        ("inverse_mass", np.float64, (3,)),  # 1/kg
+        ("glide_p", np.float64),  # half a tick of glide, see engine.motion
+        ("glide_q", np.float64),
+        ("glide_r", np.float64),
+        ("glide_s", np.float64),
+        ("puck_speed", np.float64),  # m/s, greatest
+        ("paddle_speed", np.float64),  # m/s, greatest
+        ("paddle_step", np.float64),  # m/s, greatest change of a paddle's velocity in a tick
+        ("clock_limit", np.int32),  # ticks
+    ],
+    align=True,
+)
+
+TABLE = np.dtype(
+    [
+        ("position", np.float64, (3, 2)),  # m: left paddle, right paddle, puck
+        ("velocity", np.float64, (3, 2)),  # m/s
+        ("hits", np.int32, (3,)),  # the engine's count of contacts in the tick
+        ("n_contacts", np.int32),  # in the last step
+        ("stream", np.uint64),  # state of the table's own random stream
+        ("steps", np.int32),  # so far in the episode
+        ("clock", np.int32),  # ticks since the puck came to the side that it is on
+        ("side", np.int8),  # that side: -1 left, +1 right
+        ("done", np.bool_),  # the episode is over and the next has not begun
+        ("opponent", np.int8),  # who drives the right paddle, see opponents
+        ("skill", np.float64),  # share of its speed that a scripted opponent uses
+        ("plan", np.float64),  # 0 to 1, drawn when the puck changes sides: how a scripted opponent shoots
+        ("wander", np.float64, (2,)),  # the random opponent's present action
+        ("score", np.int32, (2,)),  # points: left, right
+        ("potential", np.float64),  # of the shaped reward, in this state
+        ("final_score", np.int32, (2,)),  # what an automatic reset in the same step replaced
+        ("final_contacts", np.int32),
+    ],
+    align=True,
+)
+
+SETTINGS = np.dtype(
+    [
+        ("points", np.int32),  # points that end an episode
+        ("max_steps", np.int32),  # steps that truncate an episode, 0 for no limit
+        ("shaped", np.bool_),
+        ("autoreset", np.int8),  # one of the constants below
+        ("both_sides", np.bool_),  # write the right-hand player's observations too
+    ],
+    align=True,
+)
+
+AUTORESET_DISABLED, AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP = range(3)
+
+
+def physics_record(spec: TableSpec, control_hz: float) -> np.recarray:
+    """`PHYSICS` of a table at a control rate, shape (1,)."""
+    physics = np.zeros(1, PHYSICS).view(np.recarray)
+    tick = 1.0 / control_hz
+    row = physics[0]
+    row.half_length = 0.5 * spec.length
+    row.half_width = 0.5 * spec.width
+    row.half_goal = 0.5 * spec.goal_width
+    row.wall_restitution = spec.wall_restitution
+    row.wall_tangential = spec.wall_tangential
+    row.disc_restitution = spec.paddle_restitution
+    row.tick = tick
+    row.radius = (spec.paddle_radius, spec.paddle_radius, spec.puck_radius)
+    row.inverse_mass = (0.0, 0.0, 1.0 / spec.puck_mass)
+    row.glide_p, row.glide_q, row.glide_r, row.glide_s = glide_coefficients(
+        spec.drag_constant, spec.drag_linear, spec.drag_quadratic, 0.5 * tick
+    )
+    row.puck_speed = spec.puck_speed
+    row.paddle_speed = spec.paddle_speed
+    row.paddle_step = spec.paddle_acceleration * tick
+    row.clock_limit = round(SHOT_CLOCK * control_hz)
+    return physics

@@ -1,0 +1,148 @@
+"""Many tables at once for Stable-Baselines3: its `VecEnv`, straight over the batch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.error import DependencyNotInstalled
+from numpy.typing import NDArray
+
+from airhockey_env.env import check_render_mode, draw_row, make_renderer
+from airhockey_env.game import Game
+from airhockey_env.records import AUTORESET_SAME_STEP
+from airhockey_env.spaces import action_space, observation_space
+from airhockey_env.tables import TableSpec
+
+try:
+    from stable_baselines3.common.vec_env import VecEnv
+except ImportError as error:
+    raise DependencyNotInstalled(
+        'AirHockeySB3VecEnv needs Stable-Baselines3: pip install "airhockey-env[train]"'
+    ) from error
+
+RENDER_MODES = ("rgb_array",)
+
+
+class AirHockeySB3VecEnv(VecEnv):
+    """`num_envs` tables of `AirHockeyEnv` (whose docstring is the specification) as a Stable-Baselines3 `VecEnv`.
+
+    Episodes restart in the step that ends them. The info of that step holds `terminal_observation`,
+    `TimeLimit.truncated`, `score` and `is_success`; the infos of other steps are empty, so that a step of many tables
+    does not make many objects. `VecMonitor` and the other wrappers of Stable-Baselines3 work on top.
+
+    Args:
+        num_envs: number of tables.
+        max_episode_steps: steps after which an episode is truncated, or None.
+        render_mode: None or `"rgb_array"`.
+        render_size: as in `AirHockeyEnv`.
+        **arguments: those of `AirHockeyEnv` and `num_threads`.
+    """
+
+    def __init__(
+        self,
+        num_envs: int,
+        *,
+        max_episode_steps: int | None = 1000,
+        render_mode: str | None = None,
+        render_size: tuple[int, int] | None = None,
+        **arguments: Any,
+    ) -> None:
+        self._game = Game(
+            num_envs, max_episode_steps=max_episode_steps, autoreset=AUTORESET_SAME_STEP, **arguments
+        )
+        self.render_mode = check_render_mode(render_mode, RENDER_MODES)
+        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": round(self._game.control_hz)}
+        self._renderer = None if render_mode is None else make_renderer(self._game.spec, render_size)
+        self._state = self._game.tables.view(np.ndarray)
+        self._targets: NDArray[np.float32] | None = None
+        self._seeded = False
+        super().__init__(self._game.num_tables, observation_space(), action_space(self._game.continuous))
+
+    @property
+    def table(self) -> TableSpec:
+        """The table in play."""
+        return self._game.spec
+
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """(num_envs, 3, 2) m, a copy: left paddle, right paddle, puck."""
+        return self._state["position"].copy()
+
+    @property
+    def velocities(self) -> NDArray[np.float64]:
+        """(num_envs, 3, 2) m/s, a copy: left paddle, right paddle, puck."""
+        return self._state["velocity"].copy()
+
+    def reset(self) -> NDArray[np.float32]:
+        """Begin an episode on every table; with the seeds of `seed` and the options of `set_options`, if given."""
+        options = self._game.check_reset_options(self._options[0] if self._options else None)
+        if not self._seeded and self._seeds[0] is None:
+            self.seed(int(np.random.SeedSequence().generate_state(1)[0]))
+        self._game.seed(self._seeds)
+        self._seeded = True
+        self._game.reset(options=options)
+        self._reset_seeds()
+        self._reset_options()
+        self.reset_infos = [{} for _ in range(self.num_envs)]
+        return self._game.out.observation.copy()
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Take the actions of the next step.
+
+        Raises:
+            ValueError: of the wrong shape, or not finite. Nothing has changed then.
+        """
+        self._targets = self._game.check_actions(actions)
+
+    def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Play the step."""
+        if self._targets is None:
+            raise RuntimeError("call step_async before step_wait")
+        out = self._game.out
+        self._game.step(self._targets)
+        self._targets = None
+        dones = out.terminated | out.truncated
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for i in np.flatnonzero(dones):
+            score = self._state["final_score"][i].copy()
+            infos[i] = {
+                "terminal_observation": out.final_observation[i].copy(),
+                "TimeLimit.truncated": bool(out.truncated[i]),
+                "score": score,
+                "is_success": bool(out.terminated[i] and score[0] > score[1]),
+            }
+        return out.observation.copy(), out.reward.astype(np.float32), dones, infos
+
+    def get_images(self) -> Sequence[np.ndarray | None]:
+        """A picture of every table."""
+        if self._renderer is None:
+            return [None] * self.num_envs
+        return [draw_row(self._renderer, self._game, i) for i in range(self.num_envs)]
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """An attribute of the batch, once for each of the tables asked for."""
+        return [getattr(self, attr_name) for _ in self._rows(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Set an attribute of the batch; the tables share it, so `indices` must be all of them."""
+        if len(self._rows(indices)) != self.num_envs:
+            raise ValueError(f"indices must be None: the tables share their attributes, got {indices!r}")
+        setattr(self, attr_name, value)
+
+    def env_method(self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any) -> list[Any]:
+        """Call a method of the batch once; its result stands for each of the tables asked for."""
+        result = getattr(self, method_name)(*method_args, **method_kwargs)
+        return [result for _ in self._rows(indices)]
+
+    def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
+        """No table is wrapped."""
+        return [False for _ in self._rows(indices)]
+
+    def _rows(self, indices: Any) -> list[int]:
+        chosen: Iterable[int] = self._get_indices(indices)
+        return list(chosen)

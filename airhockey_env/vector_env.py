@@ -1,0 +1,262 @@
+"""Many tables at once for Gymnasium, natively: one compiled kernel plays the batch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import ArrayLike, NDArray
+
+from airhockey_env.contacts import BatchContacts
+from airhockey_env.env import check_render_mode, draw_row, make_renderer
+from airhockey_env.game import Game, Policy
+from airhockey_env.records import AUTORESET_DISABLED, AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP
+from airhockey_env.spaces import action_space, observation_space
+from airhockey_env.tables import TableSpec
+
+_AUTORESET = {
+    AutoresetMode.NEXT_STEP: AUTORESET_NEXT_STEP,
+    AutoresetMode.SAME_STEP: AUTORESET_SAME_STEP,
+    AutoresetMode.DISABLED: AUTORESET_DISABLED,
+}
+
+RENDER_MODES = ("rgb_array",)
+
+
+class AirHockeyVectorEnv(VectorEnv):
+    """`num_envs` tables of `AirHockeyEnv` (whose docstring is the specification), stepped together.
+
+    The same seeds and actions give the same trajectories, to the bit, as single environments in a SyncVectorEnv.
+
+    Args:
+        num_envs: number of tables.
+        max_episode_steps: steps after which an episode is truncated, or None.
+        autoreset_mode: `NEXT_STEP` (the default), `SAME_STEP` or `DISABLED`, as a `gymnasium.vector.AutoresetMode` or
+            its value. With `DISABLED`, reset the tables that are done by `reset(options={"reset_mask": mask})`.
+        num_threads: threads that share a large batch; None takes all cores. The results do not depend on it.
+        render_mode: None or `"rgb_array"`; `render()` then returns a tuple of pictures, one a table.
+        opponent, opponent_skill, table, continuous, reward, control_hz, render_size: as in `AirHockeyEnv`. A callable
+            opponent is asked once a step, for all tables.
+
+    Infos have Gymnasium's vector form: `score` (num_envs, 2), `is_success` (num_envs,), `contacts`
+    (`airhockey_env.contacts.BatchContacts`: `infos["contacts"][i]`, until the next step), each with its mask;
+    with `SAME_STEP` also `final_obs` and `final_info`.
+
+    Observations, rewards, terminations and truncations are fresh arrays with every step.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {
+        "render_modes": list(RENDER_MODES),
+        "render_fps": 50,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        max_episode_steps: int | None = 1000,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        num_threads: int | None = None,
+        opponent: str | Policy = "striker",
+        opponent_skill: float = 1.0,
+        table: str | TableSpec = "full_size",
+        continuous: bool = True,
+        reward: str = "sparse",
+        control_hz: float = 50,
+        render_mode: str | None = None,
+        render_size: tuple[int, int] | None = None,
+    ) -> None:
+        try:
+            self.autoreset_mode = AutoresetMode(autoreset_mode)
+        except ValueError as error:
+            allowed = [mode.value for mode in AutoresetMode]
+            raise ValueError(f"autoreset_mode must be one of {allowed}, got {autoreset_mode!r}") from error
+        self._game = Game(
+            num_envs,
+            table=table,
+            opponent=opponent,
+            opponent_skill=opponent_skill,
+            continuous=continuous,
+            reward=reward,
+            control_hz=control_hz,
+            max_episode_steps=max_episode_steps,
+            autoreset=_AUTORESET[self.autoreset_mode],
+            num_threads=num_threads,
+        )
+        self.num_envs = self._game.num_tables
+        self.render_mode = check_render_mode(render_mode, RENDER_MODES)
+        self.metadata = {
+            **type(self).metadata,
+            "render_fps": round(self._game.control_hz),
+            "autoreset_mode": self.autoreset_mode,
+        }
+        self.single_observation_space = observation_space()
+        self.single_action_space = action_space(self._game.continuous)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self._renderer = None if render_mode is None else make_renderer(self._game.spec, render_size)
+        self._state = self._game.tables.view(np.ndarray)
+        self._contacts = self._game.out.contacts.view(np.ndarray)
+        self._age = [0]
+        self._seeded = False
+
+    @property
+    def table(self) -> TableSpec:
+        """The table in play."""
+        return self._game.spec
+
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """(num_envs, 3, 2) m, a copy: left paddle, right paddle, puck."""
+        return self._state["position"].copy()
+
+    @property
+    def velocities(self) -> NDArray[np.float64]:
+        """(num_envs, 3, 2) m/s, a copy: left paddle, right paddle, puck."""
+        return self._state["velocity"].copy()
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begin an episode on every table, or on those of `options["reset_mask"]`.
+
+        Args:
+            seed: a seed for the first table, the next number for the second and so on; or one for each table, where
+                None lets the table's random stream go on.
+            options: those of `AirHockeyEnv.reset`, and `"reset_mask"`: (num_envs,) bool, at least one True.
+
+        Raises:
+            ValueError, TypeError: an option or seed is unknown or out of range. The state is as it was then.
+        """
+        options = dict(options or {})
+        mask = self._check_mask(options.pop("reset_mask", None))
+        checked = self._game.check_reset_options(options)
+        seeds = self._check_seeds(seed)
+        super().reset(seed=seed if isinstance(seed, int) else None)
+        if not self._seeded:
+            fresh = self.np_random.integers(2**63, size=self.num_envs).tolist()
+            seeds = [drawn if given is None else given for given, drawn in zip(seeds or fresh, fresh, strict=True)]
+            self._seeded = True
+        if seeds is not None:
+            self._game.seed([given if chosen else None for given, chosen in zip(seeds, mask, strict=True)])
+        self._game.reset(np.flatnonzero(mask), checked)
+        self._age[0] += 1
+        return self._game.out.observation.copy(), self._infos(mask)
+
+    def step(
+        self, actions: ArrayLike
+    ) -> tuple[
+        NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]
+    ]:
+        """Play one control step on every table.
+
+        Raises:
+            ValueError: the actions have the wrong shape or are not finite. Nothing has changed then.
+            gymnasium.error.ResetNeeded: no episode has begun; or, with `DISABLED`, one of them is over.
+        """
+        game, out = self._game, self._game.out
+        game.step(game.check_actions(actions))
+        self._age[0] += 1
+        infos = self._infos(None)
+        if self.autoreset_mode == AutoresetMode.SAME_STEP:
+            self._add_final(infos)
+        return out.observation.copy(), out.reward.copy(), out.terminated.copy(), out.truncated.copy(), infos
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """A picture of every table, each (height, width, 3) uint8."""
+        if self._renderer is None:
+            return None
+        return tuple(draw_row(self._renderer, self._game, i) for i in range(self.num_envs))
+
+    def get_state(self, indices: ArrayLike | None = None) -> NDArray[np.void]:
+        """Copies of everything that decides what happens next, for all tables or for some: (n,) records."""
+        return self._game.get_state(slice(None) if indices is None else np.asarray(indices))
+
+    def set_state(self, state: NDArray[np.void], indices: ArrayLike | None = None) -> None:
+        """Let all tables, or some, go on from states that `get_state` returned; the same to the bit.
+
+        Raises:
+            ValueError: not states of as many tables. Nothing has changed then.
+        """
+        self._game.set_state(state, slice(None) if indices is None else np.asarray(indices))
+        self._seeded = True
+        self._age[0] += 1
+
+    def _infos(self, mask: NDArray[np.bool_] | None) -> dict[str, Any]:
+        """Infos of all tables, or of those of the mask."""
+        present = np.ones(self.num_envs, np.bool_) if mask is None else mask
+        score = self._state["score"].copy()
+        if mask is None and self.autoreset_mode != AutoresetMode.SAME_STEP:
+            success = self._game.out.terminated & (score[:, 0] > score[:, 1])
+        else:
+            score[~present] = 0
+            success = np.zeros(self.num_envs, np.bool_)
+        return {
+            "score": score,
+            "_score": present,
+            "contacts": BatchContacts(self._contacts, self._state["n_contacts"], self._age),
+            "_contacts": present.copy(),
+            "is_success": success,
+            "_is_success": present.copy(),
+        }
+
+    def _add_final(self, infos: dict[str, Any]) -> None:
+        """What the automatic reset in the same step has replaced."""
+        out = self._game.out
+        done = out.terminated | out.truncated
+        if not done.any():
+            return
+        rows = np.flatnonzero(done)
+        score = np.zeros((self.num_envs, 2), np.int32)
+        score[rows] = self._state["final_score"][rows]
+        observations = np.full(self.num_envs, None, dtype=object)
+        finals = out.final_observation[rows]  # fancy indexing: a copy
+        for row, final in zip(rows, finals, strict=True):
+            observations[row] = final
+        infos["final_obs"] = observations
+        infos["_final_obs"] = done
+        infos["final_info"] = {
+            "score": score,
+            "_score": done.copy(),
+            "contacts": BatchContacts(self._contacts, np.where(done, self._state["final_contacts"], 0), self._age),
+            "_contacts": done.copy(),
+            "is_success": out.terminated & (score[:, 0] > score[:, 1]),
+            "_is_success": done.copy(),
+        }
+        infos["_final_info"] = done.copy()
+
+    def _check_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None] | None:
+        if seed is None:
+            return None
+        if isinstance(seed, (int, np.integer)) and not isinstance(seed, bool):
+            seeds: list[int | None] = [int(seed) + i for i in range(self.num_envs)]
+        else:
+            try:
+                seeds = list(seed)  # type: ignore[arg-type]
+            except TypeError as error:
+                raise ValueError(f"seed must be a whole number, a sequence of them or None, got {seed!r}") from error
+        if len(seeds) != self.num_envs:
+            raise ValueError(f"seed must hold one seed for each of {self.num_envs} tables, got {len(seeds)}")
+        for one in seeds:
+            if one is not None and (isinstance(one, bool) or not isinstance(one, (int, np.integer)) or one < 0):
+                raise ValueError(f"seed must be whole numbers from 0 up, or None, got {one!r}")
+        return seeds
+
+    def _check_mask(self, mask: Any) -> NDArray[np.bool_]:
+        """As Gymnasium's SyncVectorEnv checks it."""
+        if mask is None:
+            return np.ones(self.num_envs, np.bool_)
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
+            raise TypeError(f"options['reset_mask'] must be an array of bool, got {mask!r}")
+        if mask.shape != (self.num_envs,):
+            raise ValueError(f"options['reset_mask'] must be of shape ({self.num_envs},), got {mask.shape}")
+        if not mask.any():
+            raise ValueError("options['reset_mask'] must hold at least one True, got none")
+        return mask.copy()
