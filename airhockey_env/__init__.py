@@ -14,5 +14,5 @@ gymnasium.register(
     id="AirHockey-v0",
     entry_point="airhockey_env.env:AirHockeyEnv",
     vector_entry_point="airhockey_env.vector_env:AirHockeyVectorEnv",
-    max_episode_steps=1000,
+    max_episode_steps=1500,
 )

@@ -8,6 +8,7 @@ from numbers import Real
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from airhockey_env.compiled import records
 from airhockey_env.engine.advance import advance
 from airhockey_env.engine.discrete import advance_discrete
 from airhockey_env.engine.records import CONTACT, SURFACE, Discs
@@ -36,9 +37,9 @@ def _share(name: str, value: float) -> float:
     return float(value)
 
 
-def _contact_buffer(length: int) -> np.recarray:
-    """A recarray, whose rows have attributes in plain Python too (with NUMBA_DISABLE_JIT=1)."""
-    return np.zeros(length, CONTACT).view(np.recarray)
+def _recorded(buffer: NDArray[np.void], count: int) -> NDArray[np.void]:
+    """The first contacts of a buffer, as a plain array of their own."""
+    return np.array(buffer[:count].view(np.ndarray))
 
 
 class AirTable:
@@ -103,10 +104,8 @@ class AirTable:
             raise ValueError(f"masses must be greater than 0 (inf is allowed), got {self._masses.min()}")
         post = (self._radii == 0.0) & np.isinf(self._masses)
         if not (((self._radii > 0.0) & np.isfinite(self._radii)) | post).all():
-            raise ValueError(
-                f"radii must be finite and greater than 0 (0 for a disc of infinite mass), got {radii!r}"
-            )
-        self._surface = np.zeros(1, SURFACE).view(np.recarray)
+            raise ValueError(f"radii must be finite and greater than 0 (0 for a disc of infinite mass), got {radii!r}")
+        self._surface = records(1, SURFACE)
         self._surface["disc_restitution"] = _share("restitution", restitution)
         self._surface["wall_restitution"] = _share("wall_restitution", wall_restitution)
         self._surface["wall_tangential"] = 1.0
@@ -117,7 +116,7 @@ class AirTable:
         self._inverse_masses = 1.0 / self._masses
         self._check_places()
         self._hits = np.zeros(n, np.int32)
-        self._buffer = _contact_buffer(max(64, 4 * n))
+        self._buffer = records(max(64, 4 * n), CONTACT)
 
     @property
     def positions(self) -> NDArray[np.float64]:
@@ -197,27 +196,27 @@ class AirTable:
         self._hits[:] = 0
         parts = []
         elapsed = 0.0
+        buffer = self._buffer
         while True:
-            outcome = advance(self._discs(), self._surface[0], elapsed, dt, limit, self._buffer, True)
-            parts.append(self._recorded(outcome.contacts))
+            outcome = advance(self._discs(), self._surface[0], elapsed, dt, limit, buffer, True)
+            parts.append(_recorded(buffer, outcome.contacts))
             elapsed = outcome.elapsed
-            if outcome.contacts < len(self._buffer):
+            if outcome.contacts < len(buffer):
                 break
+            buffer = records(2 * len(buffer), CONTACT)  # full: go on where it paused, with more room
         self._velocities[self._inverse_masses == 0.0] = driven  # those that gave way did so for this step only
         return np.concatenate(parts)
 
     def _step_discrete(self, dt: float) -> NDArray[np.void]:
         positions, velocities = self._positions.copy(), self._velocities.copy()
+        buffer = self._buffer
         while True:
-            count = advance_discrete(self._discs(), self._surface[0], dt, self.method == "kiss", self._buffer)
-            if count <= len(self._buffer):
-                contacts = self._recorded(count)
+            count = advance_discrete(self._discs(), self._surface[0], dt, self.method == "kiss", buffer)
+            if count <= len(buffer):
+                contacts = _recorded(buffer, count)
                 return contacts[np.argsort(contacts["time"], kind="stable")]
-            self._buffer = _contact_buffer(2 * count)  # too small: play the step again
+            buffer = records(count, CONTACT)  # too small: play the step again
             self._positions[:], self._velocities[:] = positions, velocities
-
-    def _recorded(self, count: int) -> NDArray[np.void]:
-        return np.array(self._buffer[:count].view(np.ndarray))
 
     def _check_motion(self) -> None:
         for name, array in (("positions", self._positions), ("velocities", self._velocities)):

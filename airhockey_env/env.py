@@ -9,11 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airhockey_env.contacts import Contacts
+from airhockey_env.engine.records import CONTACT
 from airhockey_env.game import Game, Policy
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.tables import TableSpec
 
 RENDER_MODES = ("human", "rgb_array")
+
+_NO_CONTACTS = Contacts(np.zeros(0, CONTACT))
 
 
 class AirHockeyEnv(gym.Env):
@@ -69,7 +72,7 @@ class AirHockeyEnv(gym.Env):
     puck's speed is capped at the table's `puck_speed` at the end of each step.
 
     ## Episode end
-    Terminates with a goal. `gymnasium.make` truncates after 1000 steps (20 s at 50 Hz); `max_episode_steps` changes
+    Terminates with a goal. `gymnasium.make` truncates after 1500 steps (30 s at 50 Hz); `max_episode_steps` changes
     that. A foul does not end the episode.
 
     ## Info
@@ -127,10 +130,8 @@ class AirHockeyEnv(gym.Env):
         self.action_space = action_space(self._game.continuous)
         self._renderer = None if render_mode is None else make_renderer(self._game.spec, render_size)
         self._window: Any = None
-        # Views of the one table: reading a recarray's field in every step would cost more than playing it.
-        state = self._game.tables.view(np.ndarray)
-        self._score, self._n_contacts = state["score"][0], state["n_contacts"]
-        self._contacts = self._game.out.contacts.view(np.ndarray)[0]
+        self._score = self._game.tables["score"][0]  # views
+        self._n_contacts = self._game.tables["n_contacts"]
         self._seeded = False
 
     @property
@@ -181,7 +182,7 @@ class AirHockeyEnv(gym.Env):
             gymnasium.error.ResetNeeded: the episode is over, or none has begun.
         """
         game, out = self._game, self._game.out
-        game.step(game.check_actions(np.asarray(action)[np.newaxis]))
+        game.step(game.check_action(action))
         terminated = bool(out.terminated[0])
         info = self._info(terminated and bool(self._score[0] > self._score[1]))
         if self.render_mode == "human":
@@ -223,7 +224,8 @@ class AirHockeyEnv(gym.Env):
         self._game.set_state(state)
 
     def _info(self, is_success: bool) -> dict[str, Any]:
-        contacts = Contacts(self._contacts[: self._n_contacts[0]].copy())
+        count = self._n_contacts[0]
+        contacts = Contacts(self._game.out.contacts[0, :count].copy()) if count else _NO_CONTACTS
         return {"score": self._score.copy(), "contacts": contacts, "is_success": is_success}
 
 
@@ -244,5 +246,5 @@ def make_renderer(spec: TableSpec, size: tuple[int, int] | None) -> Any:
 def draw_row(renderer: Any, game: Game, i: int) -> NDArray[np.uint8]:
     """The picture of table i of a game."""
     table = game.tables[i]
-    used = int(table.side) * int(table.clock) / int(game.physics.clock_limit[0])
-    return renderer.draw(table.position, score=(int(table.score[0]), int(table.score[1])), clock=used)
+    clock = int(table["side"]) * int(table["clock"]) / int(game.physics["clock_limit"][0])
+    return renderer.draw(table["position"], score=tuple(table["score"].tolist()), clock=clock)

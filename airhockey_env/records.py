@@ -8,7 +8,9 @@ tables of a batch, or each table has its own.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
+from airhockey_env.compiled import records
 from airhockey_env.engine.motion import glide_coefficients
 from airhockey_env.engine.records import SURFACE
 from airhockey_env.tables import TableSpec
@@ -81,25 +83,25 @@ SETTINGS = np.dtype(
 AUTORESET_DISABLED, AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP = range(3)
 
 
-def physics_record(spec: TableSpec, control_hz: float) -> np.recarray:
+def physics_record(spec: TableSpec, control_hz: float) -> NDArray[np.void]:
     """`PHYSICS` of a table at a control rate, shape (1,)."""
-    physics = np.zeros(1, PHYSICS).view(np.recarray)
+    physics = records(1, PHYSICS)
     tick = 1.0 / control_hz
     row = physics[0]
-    row.half_length = 0.5 * spec.length
-    row.half_width = 0.5 * spec.width
-    row.half_goal = 0.5 * spec.goal_width
-    row.wall_restitution = spec.wall_restitution
-    row.wall_tangential = spec.wall_tangential
-    row.disc_restitution = spec.paddle_restitution
-    row.tick = tick
-    row.radius = (spec.paddle_radius, spec.paddle_radius, spec.puck_radius)
-    row.inverse_mass = (0.0, 0.0, 1.0 / spec.puck_mass)
-    row.glide_p, row.glide_q, row.glide_r, row.glide_s = glide_coefficients(
+    row["half_length"] = 0.5 * spec.length
+    row["half_width"] = 0.5 * spec.width
+    row["half_goal"] = 0.5 * spec.goal_width
+    row["wall_restitution"] = spec.wall_restitution
+    row["wall_tangential"] = spec.wall_tangential
+    row["disc_restitution"] = spec.paddle_restitution
+    row["tick"] = tick
+    row["radius"] = (spec.paddle_radius, spec.paddle_radius, spec.puck_radius)
+    row["inverse_mass"] = (0.0, 0.0, 1.0 / spec.puck_mass)
+    row["glide_p"], row["glide_q"], row["glide_r"], row["glide_s"] = glide_coefficients(
         spec.drag_constant, spec.drag_linear, spec.drag_quadratic, 0.5 * tick
     )
-    row.puck_speed = spec.puck_speed
-    row.paddle_speed = spec.paddle_speed
-    row.paddle_step = spec.paddle_acceleration * tick
-    row.clock_limit = round(SHOT_CLOCK * control_hz)
+    row["puck_speed"] = spec.puck_speed
+    row["paddle_speed"] = spec.paddle_speed
+    row["paddle_step"] = spec.paddle_acceleration * tick
+    row["clock_limit"] = round(SHOT_CLOCK * control_hz)
     return physics

@@ -7,19 +7,32 @@ it was. A state after the end of an episode has the potential 0.
 
 from __future__ import annotations
 
+import math
+
 from airhockey_env.compiled import inlined
 from airhockey_env.observations import view
-from airhockey_env.records import LEFT
+from airhockey_env.records import LEFT, PUCK
 
 SHAPING_DISCOUNT = 0.99
+
+PROGRESS, SPEED, DISTANCE = 0.2, 0.4, 0.2
+"""Weights of the potential's parts; a goal is worth 1."""
 
 
 @inlined
 def potential(table, physics):
-    """How promising the table is for the left player, about -1 to 1."""
+    """How promising the table is for the left player, about -1 to 1.
+
+    A puck far forward and flying forward is good; and while it is on the own side, so is a paddle close behind it.
+    """
     seen = view(table, LEFT)
     progress = seen.puck_x / physics.half_length
-    return 0.2 * progress
+    speed = seen.puck_vx / physics.puck_speed
+    behind_x = seen.puck_x - 1.5 * (physics.radius[LEFT] + physics.radius[PUCK]) - seen.x
+    behind_y = seen.puck_y - seen.y
+    distance = math.sqrt(behind_x * behind_x + behind_y * behind_y) / physics.half_length
+    own = min(max(-2.0 * progress, 0.0), 1.0)
+    return PROGRESS * progress + SPEED * speed - DISTANCE * own * distance
 
 
 @inlined

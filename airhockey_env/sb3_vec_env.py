@@ -44,7 +44,7 @@ class AirHockeySB3VecEnv(VecEnv):
         self,
         num_envs: int,
         *,
-        max_episode_steps: int | None = 1000,
+        max_episode_steps: int | None = 1500,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
         **arguments: Any,
@@ -55,7 +55,7 @@ class AirHockeySB3VecEnv(VecEnv):
         self.render_mode = check_render_mode(render_mode, RENDER_MODES)
         self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": round(self._game.control_hz)}
         self._renderer = None if render_mode is None else make_renderer(self._game.spec, render_size)
-        self._state = self._game.tables.view(np.ndarray)
+        self._state = self._game.tables
         self._targets: NDArray[np.float32] | None = None
         self._seeded = False
         super().__init__(self._game.num_tables, observation_space(), action_space(self._game.continuous))

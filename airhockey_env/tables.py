@@ -43,10 +43,10 @@ class TableSpec:
     """Glide deceleration c of a + c*v + b*v**2, 1/s."""
     drag_quadratic: float
     """Glide deceleration b of a + c*v + b*v**2, 1/m."""
-    paddle_speed: float = 4.0
+    paddle_speed: float = 5.0
     """Greatest speed of a paddle, m/s. With a restitution of 0.8 a still puck leaves a full-speed paddle at
-    7.2 m/s; shots by people peak near 9.7 m/s."""
-    paddle_acceleration: float = 60.0
+    9 m/s; shots by people peak near 9.7 m/s."""
+    paddle_acceleration: float = 30.0
     """Greatest change of a paddle's velocity, m/s**2."""
     puck_speed: float = 12.0
     """Greatest speed of the puck at the end of a control step, m/s: faster pucks are slowed to it, so that

@@ -58,7 +58,7 @@ class AirHockeyVectorEnv(VectorEnv):
         self,
         num_envs: int = 1,
         *,
-        max_episode_steps: int | None = 1000,
+        max_episode_steps: int | None = 1500,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         num_threads: int | None = None,
         opponent: str | Policy = "striker",
@@ -99,8 +99,8 @@ class AirHockeyVectorEnv(VectorEnv):
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._renderer = None if render_mode is None else make_renderer(self._game.spec, render_size)
-        self._state = self._game.tables.view(np.ndarray)
-        self._contacts = self._game.out.contacts.view(np.ndarray)
+        self._state = self._game.tables
+        self._contacts = self._game.out.contacts
         self._age = [0]
         self._seeded = False
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 
 from airhockey_env.compiled import compiled, inlined
-from airhockey_env.engine.records import DISC, GOAL, NOTHING, POST, WALL, Discs, Kiss
+from airhockey_env.engine.records import DISC, GOAL, NOTHING, POST, WALL, Kiss
 from airhockey_env.engine.tolerances import TOUCH_GAP, TOUCH_SPEED
 
 END_WALL, SIDE_WALL = 0, 2  # numbers of walls: at +x, -x, +y, -y
@@ -48,6 +48,12 @@ def kiss_time(dx, dy, vx, vy, reach):
         if distance2 <= reach2:
             return 0.0
     return max(0.0, (-approach - math.sqrt(top_leg2)) / speed2)
+
+
+@compiled
+def _share_a_disc(a, b, best):
+    """Whether the pairs (a, b) and `best` have a disc in common; b is greater than a, and a not less than best.a."""
+    return best.a == a or best.b == a or best.b == b
 
 
 @compiled
@@ -112,18 +118,13 @@ def next_kiss(discs, surface, horizon):
             )
             if time < best.time:
                 best = Kiss(time, DISC, a, b)
-            elif time == best.time and best.kind == DISC and (best.a == a or best.b == a or best.b == b):
+            elif time == best.time and best.kind == DISC and _share_a_disc(a, b, best) and _faster(discs, a, b, best):
                 # A disc that two others reach at once meets the faster one first, whatever their numbers: so a
                 # table turned by 180 degrees, where the numbers of the paddles are swapped, plays the same.
-                if _faster(discs, a, b, best):
-                    best = Kiss(time, DISC, a, b)
+                best = Kiss(time, DISC, a, b)
         # Most discs are nowhere near an edge: ask closely only when they start or end beyond where they touch one.
         reach_x, reach_y = surface.half_length - radius[a], surface.half_width - radius[a]
-        near = (
-            abs(x) > reach_x
-            or abs(x + vx * best.time) > reach_x
-            or abs(y + vy * best.time) > reach_y
-        )
+        near = abs(x) > reach_x or abs(x + vx * best.time) > reach_x or abs(y + vy * best.time) > reach_y
         if near and inverse_mass[a] > 0.0:
             best = _earlier_edge(x, y, vx, vy, radius[a], surface, a, best)
     return best

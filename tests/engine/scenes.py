@@ -54,7 +54,7 @@ def random_scene(
     n = int(rng.integers(discs[0], discs[1] + 1))
     walls = bool(rng.random() < 0.7) if walls is None else walls
     elastic = bool(rng.random() < 0.5) if elastic is None else elastic
-    half = np.array([1.0, 0.5]) if walls else np.array([0.6, 0.4])
+    half = np.array([1.0, 0.5]) if walls else np.array([0.5, 0.3])
     radii = rng.uniform(0.03, 0.1, n)
     positions = np.empty((n, 2))
     for a in range(n):

@@ -10,14 +10,11 @@ from tests.engine.scenes import deepest_overlap, momentum
 
 
 @pytest.mark.parametrize(("ratio", "contacts"), [(1.0, 3), (1e2, 31), (1e4, 314), (1e6, 3141)])
-@pytest.mark.parametrize("dt", [4.0, 0.01])
+@pytest.mark.parametrize("dt", [15.0, 0.01])
 def test_a_heavy_puck_a_light_one_and_a_wall_count_the_digits_of_pi(ratio, contacts, dt):
     """Galperin's billiard: the number of contacts is pi * sqrt(ratio), rounded down."""
-    table = AirTable([[-1.5, 0.0], [-1.0, 0.0]], [[0.0, 0.0], [-1.0, 0.0]], 0.05, [1.0, ratio], size=(4.0, 1.0))
-    total = 0
-    while table.time < 1.99 and (table.velocities[1, 0] <= 0.0 or abs(table.velocities[0, 0]) > table.velocities[1, 0]):
-        total += len(table.step(dt if dt < 1.0 else 1.9))
-    assert total == contacts
+    table = AirTable([[-19.5, 0.0], [-19.0, 0.0]], [[0.0, 0.0], [-1.0, 0.0]], 0.05, [1.0, ratio], size=(40.0, 1.0))
+    assert sum(len(table.step(dt)) for _ in range(round(15.0 / dt))) == contacts
     assert table.energy == pytest.approx(0.5 * ratio, rel=1e-12)
 
 

@@ -1,0 +1,256 @@
+"""The table's own duties: clear errors, complete contact lists, and a state that can be copied."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+from airhockey_env.air_table import AirTable
+from airhockey_env.compiled import records
+from airhockey_env.engine.discrete import advance_discrete
+from airhockey_env.engine.records import CONTACT, SURFACE, Discs
+
+GOOD = {"positions": [[-0.5, 0.0], [0.5, 0.0]], "velocities": [[1.0, 0.0], [0.0, 0.5]], "radii": 0.05}
+INF, NAN = math.inf, math.nan
+
+
+def pickled(table):
+    return pickle.loads(pickle.dumps(table))
+
+
+def snapshot(table):
+    return table.time, table.positions.tobytes(), table.velocities.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("positions", [], "positions must hold at least one disc"),
+        ("positions", 3.0, r"positions must be an \(N, 2\) array"),
+        ("positions", None, r"positions must be an \(N, 2\) array"),
+        ("positions", [[0.0, 0.0, 0.0]], r"positions must be .* of shape \(1, 2\); got shape \(1, 3\)"),
+        ("positions", [0.0, 1.0], "positions must be"),
+        ("positions", [[0.0, 0.0], [1.0]], "positions must be"),
+        ("positions", "puck", "positions must be"),
+        ("positions", [[0.0, NAN], [0.5, 0.0]], "positions must be .* got NaN"),
+        ("positions", [[0.0, INF], [0.5, 0.0]], "positions must be finite, got inf"),
+        ("positions", [[0.0, 0.0], [0.0, 0.0]], "positions must not overlap: discs 0 and 1 overlap by 0.1 m"),
+        ("positions", [[0.0, 0.46], [0.5, 0.0]], "positions must lie on the table: disc 0"),
+        ("velocities", [[0.0, 0.0]], r"velocities must be .* of shape \(2, 2\); got shape \(1, 2\)"),
+        ("velocities", [[0.0, 0.0], [0.0, NAN]], "velocities must be .* got NaN"),
+        ("velocities", [[0.0, 0.0], [0.0, -INF]], "velocities must be finite, got -inf"),
+        ("velocities", [["a", 0.0], [0.0, 0.0]], "velocities must be"),
+        ("radii", -0.05, "radii must be finite and greater than 0"),
+        ("radii", 0.0, "radii must be finite and greater than 0"),
+        ("radii", INF, "radii must be finite and greater than 0"),
+        ("radii", NAN, "radii must be .* got NaN"),
+        ("radii", [0.05], r"radii must be .* of shape \(2,\); got shape \(1,\)"),
+        ("radii", [0.05, -0.1], "radii must be finite and greater than 0"),
+        ("radii", None, "radii must be"),
+        ("masses", 0.0, "masses must be greater than 0"),
+        ("masses", [1.0, -2.0], r"masses must be greater than 0 .* got -2.0"),
+        ("masses", -INF, "masses must be greater than 0"),
+        ("masses", NAN, "masses must be .* got NaN"),
+        ("masses", [1.0, 1.0, 1.0], r"masses must be .* got shape \(3,\)"),
+        ("restitution", 1.1, "^restitution must be a number from 0 to 1, got 1.1"),
+        ("restitution", -0.1, "^restitution must be"),
+        ("restitution", NAN, "^restitution must be"),
+        ("restitution", "0.5", "^restitution must be"),
+        ("restitution", None, "^restitution must be"),
+        ("restitution", True, "^restitution must be"),
+        ("restitution", [0.5, 0.5], "^restitution must be"),
+        ("wall_restitution", 2.0, "^wall_restitution must be a number from 0 to 1, got 2.0"),
+        ("wall_restitution", 0.5j, "^wall_restitution must be"),
+        ("size", (2.0, 0.0), "size must be two finite lengths greater than 0"),
+        ("size", (2.0, -1.0), "size must be two finite lengths greater than 0"),
+        ("size", (INF, 1.0), "size must be two finite lengths greater than 0"),
+        ("size", (2.0, NAN), "size must be"),
+        ("size", (2.0, 1.0, 1.0), "size must be"),
+        ("size", "big", "size must be"),
+        ("size", (0.05, 1.0), "positions must lie on the table"),
+        ("method", "exact", "method must be one of .*'continuous'.* got 'exact'"),
+        ("method", None, "method must be one of"),
+    ],
+)
+def test_bad_arguments_are_named(name, value, message):
+    with pytest.raises(ValueError, match=message):
+        AirTable(**GOOD | {name: value})
+
+
+@pytest.mark.parametrize("method", ["continuous", "kiss", "overlap"])
+@pytest.mark.parametrize(
+    "dt", [0, 0.0, -0.1, NAN, INF, -INF, True, np.True_, "0.1", None, [0.1], 0.1j, np.complex128(0.1), np.zeros(2)]
+)
+def test_a_bad_dt_is_named_and_changes_nothing(method, dt):
+    table = AirTable(**GOOD, method=method)
+    before = snapshot(table)
+    with pytest.raises(ValueError, match="dt must be a finite number of seconds greater than 0, got"):
+        table.step(dt)
+    assert snapshot(table) == before
+
+
+@pytest.mark.parametrize("dt", [1, np.int64(1), np.float32(0.5), np.float64(0.1), 5e-324, 1e-300])
+def test_any_real_number_will_do_for_dt(dt):
+    table = AirTable(**GOOD)
+    table.step(dt)
+    assert table.time == float(dt)
+    assert table.positions[0, 0] == pytest.approx(-0.5 + float(dt) * 1.0)
+
+
+def test_even_a_boundless_step_ends():
+    table = AirTable(**GOOD, size=None)
+    assert len(table.step(1e300)) == 0
+    assert table.positions[0, 0] == pytest.approx(1e300)
+
+
+@pytest.mark.parametrize("method", ["continuous", "kiss", "overlap"])
+@pytest.mark.parametrize("name", ["positions", "velocities"])
+@pytest.mark.parametrize("value", [NAN, INF, -INF])
+def test_a_live_array_gone_bad_is_caught_by_the_next_step(method, name, value):
+    table = AirTable(**GOOD, method=method)
+    getattr(table, name)[1, 0] = value
+    before = snapshot(table)
+    with pytest.raises(ValueError, match=f"^{name} must be finite, got"):
+        table.step(0.1)
+    assert snapshot(table) == before
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("positions", [[0.0, 0.0], [0.05, 0.0]], "positions must not overlap"),
+        ("positions", [[0.0, 0.0], [0.0, 9.0]], "positions must lie on the table: disc 1"),
+        ("positions", [[0.0, 0.0]], "positions must be"),
+        ("positions", [[0.0, NAN], [0.5, 0.0]], "positions must be"),
+        ("velocities", [[0.0, 0.0]], "velocities must be"),
+        ("velocities", [[0.0, INF], [0.0, 0.0]], "velocities must be finite"),
+        ("velocities", "fast", "velocities must be"),
+    ],
+)
+def test_a_bad_assignment_is_named_and_changes_nothing(name, value, message):
+    table = AirTable(**GOOD)
+    before = snapshot(table)
+    with pytest.raises(ValueError, match=message):
+        setattr(table, name, value)
+    assert snapshot(table) == before
+
+
+def test_arguments_are_copied_and_the_state_is_live():
+    positions, velocities = np.array(GOOD["positions"]), np.array(GOOD["velocities"])
+    table = AirTable(positions, velocities, 0.05)
+    table.step(0.1)
+    assert positions.tolist() == GOOD["positions"]
+    table.velocities[0] = [0.0, 0.0]
+    before = table.positions[0].copy()
+    table.step(0.1)
+    assert (table.positions[0] == before).all()
+    table.velocities *= 2.0
+    assert table.velocities[1].tolist() == [0.0, 1.0]
+    table.radii[0] = 7.0
+    table.masses[0] = 7.0
+    assert (table.radii[0], table.masses[0]) == (0.05, 1.0)
+
+
+def test_time_adds_up():
+    table = AirTable(**GOOD)
+    for dt in (0.25, 0.5, 1.0):
+        table.step(dt)
+    assert table.time == 1.75
+
+
+def test_contacts_have_the_documented_columns():
+    contacts = AirTable(**GOOD).step(1e-3)
+    assert contacts.dtype.names == ("time", "a", "b", "x", "y", "nx", "ny", "impulse")
+    assert type(contacts) is np.ndarray
+    assert contacts.shape == (0,)
+
+
+def test_an_earlier_list_of_contacts_is_not_overwritten():
+    table = AirTable([[0.0, 0.0]], [[3.0, 1.0]], 0.05)
+    first = table.step(1.0)
+    copied = first.copy()
+    table.step(1.0)
+    assert len(first) > 0
+    assert (first == copied).all()
+
+
+@pytest.mark.parametrize("speed", [36.0, 360.0, 3600.0])
+def test_a_step_returns_all_contacts_however_many(speed):
+    """Between walls 0.9 m of way apart there are exactly speed / 0.9 contacts in a second, or one more."""
+    table = AirTable([[0.1, 0.0]], [[0.0, speed]], 0.05)
+    contacts = table.step(1.0)
+    assert len(contacts) == math.floor(speed / 0.9 + 0.5)
+    np.testing.assert_allclose(contacts["time"], (0.45 + 0.9 * np.arange(len(contacts))) / speed, rtol=1e-12)
+    assert (contacts["ny"] == np.where(np.arange(len(contacts)) % 2, 1.0, -1.0)).all()
+
+
+def test_a_crowded_step_is_the_same_as_many_small_ones():
+    """22 pucks on a line in a box: hundreds of contacts, and no errors that grow."""
+    n = 22
+    positions = np.stack([np.linspace(-0.9, 0.9, n), np.zeros(n)], axis=1)
+    velocities = np.stack([np.random.default_rng(0).uniform(-5.0, 5.0, n), np.zeros(n)], axis=1)
+    whole, divided = (AirTable(positions, velocities, 0.02) for _ in range(2))
+    contacts = whole.step(1.0)
+    pieces = []
+    for k in range(500):
+        piece = divided.step(0.002)
+        piece["time"] += k * 0.002
+        pieces.append(piece)
+    pieces = np.concatenate(pieces)
+    assert len(contacts) > 500
+    assert contacts[["a", "b"]].tolist() == pieces[["a", "b"]].tolist()
+    np.testing.assert_allclose(pieces["time"], contacts["time"], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(divided.positions, whole.positions, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(divided.velocities, whole.velocities, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("method", ["kiss", "overlap"])
+def test_a_tick_with_more_overlaps_than_expected_is_the_same_as_with_room_from_the_start(method):
+    # Ever faster driven discs, one on top of the other, sweep over a row of pucks: each meets each.
+    driven, pucks = 20, 14
+    n = driven + pucks
+    positions = np.zeros((n, 2))
+    positions[:driven, 0] = -0.7
+    positions[driven:, 1] = 0.045 * (np.arange(pucks) - 6.5)
+    velocities = np.zeros((n, 2))
+    velocities[:driven, 0] = 10.0 + 0.1 * np.arange(driven)
+    radii = np.repeat([0.4, 0.02], [driven, pucks])
+    masses = np.repeat([INF, 1.0], [driven, pucks])
+    table = AirTable(positions, velocities, radii, masses, restitution=0.0, size=None, method=method)
+    contacts = table.step(0.05)
+
+    surface, buffer = records(1, SURFACE), records(10_000, CONTACT)
+    surface["half_length"] = surface["half_width"] = INF
+    discs = Discs(positions, velocities, radii, 1.0 / masses, np.zeros(n, np.int32))
+    count = advance_discrete(discs, surface[0], 0.05, method == "kiss", buffer)
+    assert len(contacts) == count > 4 * n
+    assert sorted(contacts.tolist()) == sorted(buffer[:count].tolist())
+    assert (table.positions == discs.position).all()
+    assert (table.velocities == discs.velocity).all()
+
+
+@pytest.mark.parametrize("method", ["continuous", "kiss", "overlap"])
+@pytest.mark.parametrize("copied", [copy.deepcopy, copy.copy, pickled], ids=["deepcopy", "copy", "pickle"])
+def test_a_copy_goes_on_to_the_bit_and_on_its_own(method, copied):
+    rng = np.random.default_rng(3)
+    positions = [[x, y] for x in (-0.8, -0.4, 0.0, 0.4, 0.8) for y in (-0.25, 0.25)]
+    table = AirTable(positions, rng.uniform(-5.0, 5.0, (10, 2)), 0.06, [INF, *[1.0] * 9], 0.9, 0.8, method=method)
+    for _ in range(10):
+        table.step(0.02)
+    other = copied(table)
+    before = snapshot(other)
+    played = [table.step(0.02).tobytes() for _ in range(20)]
+    assert snapshot(other) == before
+    assert [other.step(0.02).tobytes() for _ in range(20)] == played
+    assert snapshot(other) == snapshot(table)
+    assert (other.size, other.method) == (table.size, table.method)
+
+
+def test_the_example_of_the_docstring():
+    table = AirTable([[-0.5, 0.0], [0.0, 0.03]], [[2.0, 0.0], [0.0, 0.0]], radii=0.05)
+    contacts = table.step(0.5)
+    assert (len(contacts), contacts["a"][0], contacts["b"][0]) == (1, 0, 1)

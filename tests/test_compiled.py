@@ -1,0 +1,102 @@
+"""The machine-code cache is never stale, and never in the way."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "airhockey_env"
+
+CALLEE = "from airhockey_env.compiled import compiled\n\n@compiled\ndef callee(x):\n    return {value} * x\n"
+CALLER = (
+    "from airhockey_env.compiled import compiled\nfrom airhockey_env.callee import callee\n\n"
+    "@compiled\ndef caller(x):\n    return callee(x) + 1.0\n"
+)
+RUN = (
+    "from airhockey_env.caller import caller\n"
+    "print(caller(10.0), sum(caller.stats.cache_hits.values()), sum(caller.stats.cache_misses.values()))"
+)
+
+
+@pytest.fixture
+def package(tmp_path):
+    """A package of the same name with the real `compiled`, and a caller and a callee in two files."""
+    root = tmp_path / "site"
+    (root / "airhockey_env").mkdir(parents=True)
+    (root / "airhockey_env" / "__init__.py").touch()
+    shutil.copy(PACKAGE / "compiled.py", root / "airhockey_env")
+    (root / "airhockey_env" / "caller.py").write_text(CALLER)
+    (root / "airhockey_env" / "callee.py").write_text(CALLEE.format(value=2.0))
+    return root
+
+
+def run(root, **environment):
+    """What a fresh process prints: result, hits and misses of the cache."""
+    inherited = {key: value for key, value in os.environ.items() if not key.startswith("NUMBA_")}
+    result = subprocess.run(
+        [sys.executable, "-c", RUN],
+        cwd=root,
+        env=inherited | {"PYTHONPATH": str(root), "HOME": str(root / "home")} | environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+    value, hits, misses = result.stdout.split()
+    return float(value), int(hits), int(misses)
+
+
+def test_a_change_to_a_callee_in_another_file_reaches_its_callers(package):
+    assert run(package) == (21.0, 0, 1)
+    assert run(package) == (21.0, 1, 0)  # from the cache
+    (package / "airhockey_env" / "callee.py").write_text(CALLEE.format(value=3.0))
+    assert run(package) == (31.0, 0, 1)
+    assert run(package) == (31.0, 1, 0)
+
+
+def test_a_change_back_is_seen_as_well(package):
+    run(package)
+    for value, expected in ((3.0, 31.0), (2.0, 21.0)):
+        (package / "airhockey_env" / "callee.py").write_text(CALLEE.format(value=value))
+        assert run(package)[0] == expected
+
+
+def test_a_package_that_moves_takes_its_cache_along_or_compiles_anew(package, tmp_path):
+    run(package)
+    moved = tmp_path / "elsewhere"
+    shutil.move(package, moved)
+    (moved / "airhockey_env" / "callee.py").write_text(CALLEE.format(value=5.0))
+    assert run(moved)[0] == 51.0
+
+
+def test_without_a_folder_to_write_to_it_still_works(package):
+    """Files stand where the cache folders would have to be made: no one, not even root, can write there."""
+    (package / "airhockey_env" / "__pycache__").write_text("in the way")
+    (package / "home").write_text("in the way")
+    environment = {"PYTHONDONTWRITEBYTECODE": "1", "XDG_CACHE_HOME": str(package / "home" / "cache")}
+    assert run(package, **environment)[0] == 21.0
+    (package / "airhockey_env" / "callee.py").write_text(CALLEE.format(value=3.0))
+    assert run(package, **environment)[0] == 31.0
+
+
+def test_beside_a_folder_that_cannot_be_written_the_user_wide_cache_serves(package):
+    (package / "airhockey_env" / "__pycache__").write_text("in the way")
+    environment = {"PYTHONDONTWRITEBYTECODE": "1", "XDG_CACHE_HOME": str(package / "cache")}
+    assert run(package, **environment) == (21.0, 0, 1)
+    assert run(package, **environment) == (21.0, 1, 0)
+    (package / "airhockey_env" / "callee.py").write_text(CALLEE.format(value=3.0))
+    assert run(package, **environment) == (31.0, 0, 1)
+
+
+def test_numba_cache_dir_moves_the_cache(package):
+    cache = package / "chosen"
+    assert run(package, NUMBA_CACHE_DIR=str(cache)) == (21.0, 0, 1)
+    assert run(package, NUMBA_CACHE_DIR=str(cache)) == (21.0, 1, 0)
+    assert any(cache.rglob("*.nbi"))
+    (package / "airhockey_env" / "callee.py").write_text(CALLEE.format(value=3.0))
+    assert run(package, NUMBA_CACHE_DIR=str(cache)) == (31.0, 0, 1)
