@@ -6,9 +6,9 @@ from airhockey_env.air_table import AirTable
 from airhockey_env.env import AirHockeyEnv
 from airhockey_env.tables import PRESETS, TableSpec
 from airhockey_env.vector_env import AirHockeyVectorEnv
+from airhockey_env.version import __version__
 
-__version__ = "0.1.0"
-__all__ = ["PRESETS", "AirHockeyEnv", "AirHockeyVectorEnv", "AirTable", "TableSpec"]
+__all__ = ["PRESETS", "AirHockeyEnv", "AirHockeyVectorEnv", "AirTable", "TableSpec", "__version__"]
 
 gymnasium.register(
     id="AirHockey-v0",

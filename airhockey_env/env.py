@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from airhockey_env.contacts import Contacts
 from airhockey_env.engine.records import CONTACT
-from airhockey_env.game import Game, Policy
+from airhockey_env.game import Game, Policy, check_seed
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.tables import TableSpec
 
@@ -130,8 +130,6 @@ class AirHockeyEnv(gym.Env):
         self.action_space = action_space(self._game.continuous)
         self._renderer = None if render_mode is None else make_renderer(self._game.spec, render_size)
         self._window: Any = None
-        self._score = self._game.tables["score"][0]  # views
-        self._n_contacts = self._game.tables["n_contacts"]
         self._seeded = False
 
     @property
@@ -160,9 +158,10 @@ class AirHockeyEnv(gym.Env):
                 each, m and m/s.
 
         Raises:
-            ValueError: an option is unknown or out of range. The state is as it was then.
+            ValueError: an option or the seed is unknown or out of range. The state is as it was then.
         """
         checked = self._game.check_reset_options(options)
+        seed = None if seed is None else check_seed(seed)
         super().reset(seed=seed)
         if seed is None and not self._seeded:
             seed = int(self.np_random.integers(2**63))
@@ -184,7 +183,7 @@ class AirHockeyEnv(gym.Env):
         game, out = self._game, self._game.out
         game.step(game.check_action(action))
         terminated = bool(out.terminated[0])
-        info = self._info(terminated and bool(self._score[0] > self._score[1]))
+        info = self._info(terminated)
         if self.render_mode == "human":
             self.render()
         return out.observation[0].copy(), float(out.reward[0]), terminated, bool(out.truncated[0]), info
@@ -222,11 +221,16 @@ class AirHockeyEnv(gym.Env):
             ValueError: not such a state. Nothing has changed then.
         """
         self._game.set_state(state)
+        self._seeded = True
 
-    def _info(self, is_success: bool) -> dict[str, Any]:
-        count = self._n_contacts[0]
+    def _info(self, terminated: bool) -> dict[str, Any]:
+        tables = self._game.tables
+        score, count = tables["score"][0].copy(), tables["n_contacts"][0]
         contacts = Contacts(self._game.out.contacts[0, :count].copy()) if count else _NO_CONTACTS
-        return {"score": self._score.copy(), "contacts": contacts, "is_success": is_success}
+        return {"score": score, "contacts": contacts, "is_success": terminated and bool(score[0] > score[1])}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_window": None}  # a copy opens its own
 
 
 def check_render_mode(render_mode: str | None, allowed: tuple[str, ...]) -> str | None:

@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import numpy as np
-from gymnasium.error import InvalidAction, ResetNeeded
+from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env import kernel
@@ -60,7 +60,7 @@ class Outputs(NamedTuple):
     """What the compiled step writes; allocated once."""
 
     observation: NDArray[np.float32]  # (N, 13) of the left players
-    other_observation: NDArray[np.float32]  # (N, 13) of the right players, where an opponent from outside needs it
+    other_observation: NDArray[np.float32]  # (N, 13) of the right players, where these come from outside
     final_observation: NDArray[np.float32]  # (N, 13) what an automatic reset in the same step replaced
     reward: NDArray[np.float64]  # (N,)
     terminated: NDArray[np.bool_]  # (N,)
@@ -71,7 +71,10 @@ class Outputs(NamedTuple):
 class Game:
     """Air hockey on `num_tables` tables at once.
 
-    The arguments are those of `AirHockeyEnv`, where they are described; this is the one place that checks them.
+    The arguments are those of `AirHockeyEnv`, where they are described; this is the one place that checks them. Beyond
+    these, `player` names a scripted player for the left paddle in place of the caller's actions, and `opponent=None`
+    lets the caller play the right paddle too: its observations lie in `out.other_observation`, its actions go to
+    `step`.
 
     Attributes:
         spec: the `TableSpec` in play.
@@ -84,8 +87,9 @@ class Game:
         num_tables: int,
         *,
         table: str | TableSpec = "full_size",
-        opponent: str | Policy = "striker",
-        opponent_skill: float = 1.0,
+        player: str | None = None,
+        opponent: str | Policy | None = "striker",
+        opponent_skill: ArrayLike = 1.0,
         continuous: bool = True,
         reward: str = "sparse",
         control_hz: float = 50,
@@ -96,14 +100,15 @@ class Game:
     ) -> None:
         self.num_tables = _whole("num_envs", num_tables, 1)
         self.spec = resolve_table(table)
-        number, self._policy = _opponent(opponent)
+        left, right = _scripted("player", player), _scripted("opponent", opponent)
+        self._policy = opponent if callable(opponent) else None
         if reward not in REWARDS:
             raise ValueError(f"reward must be one of {REWARDS}, got {reward!r}")
         if not isinstance(continuous, (bool, np.bool_)):
             raise ValueError(f"continuous must be True or False, got {continuous!r}")
         self.continuous = bool(continuous)
         self.control_hz = _between("control_hz", control_hz, *CONTROL_HZ)
-        skill = _between("opponent_skill", opponent_skill, 0.0, 1.0)
+        skill = _skill(opponent_skill, self.num_tables)
         max_steps = 0 if max_episode_steps is None else _whole("max_episode_steps", max_episode_steps, 1)
         self.num_threads = (os.cpu_count() or 1) if num_threads is None else _whole("num_threads", num_threads, 1)
         self._threads: ThreadPoolExecutor | None = None
@@ -114,15 +119,16 @@ class Game:
         self.settings["max_steps"] = max_steps
         self.settings["shaped"] = reward == "shaped"
         self.settings["autoreset"] = autoreset
-        self.settings["both_sides"] = self._policy is not None
+        self.settings["both_sides"] = right == EXTERNAL
 
         n = self.num_tables
         self.tables = records(n, TABLE)
-        self.tables["opponent"] = number
-        self.tables["skill"] = skill
+        self.tables["player"] = left, right
+        self.tables["skill"][:, 0] = 1.0
+        self.tables["skill"][:, 1] = skill
         self.out = Outputs(
             observation=np.zeros((n, OBSERVATION_SIZE), np.float32),
-            other_observation=np.zeros((n if self._policy else 0, OBSERVATION_SIZE), np.float32),
+            other_observation=np.zeros((n if right == EXTERNAL else 0, OBSERVATION_SIZE), np.float32),
             final_observation=np.zeros((n, OBSERVATION_SIZE), np.float32),
             reward=np.zeros(n, np.float64),
             terminated=np.zeros(n, np.bool_),
@@ -131,7 +137,6 @@ class Game:
         )
         self._others = np.zeros((n, 2), np.float32)
         self._all_rows = np.arange(n)
-        self._done = self.tables["done"]  # a view
         self._autoreset = autoreset
         self.begun = False
 
@@ -156,18 +161,16 @@ class Game:
             self.tables["velocity"][rows, PUCK] = options.puck_velocity
         if options.puck_position is not None or options.puck_velocity is not None:
             kernel.refresh_rows(rows, self.tables, self.physics, self.settings, self.out)
-        self.begun = True
+        self._note_begun()
 
     def check_action(self, action: Any) -> NDArray[np.float32]:
-        """The action of a game on one table as (1, 2) float32; quicker than `check_actions`, with the same errors."""
+        """The action of a game on one table as (1, 2) float32; see `check_actions`."""
         if not self.continuous:
-            return self.check_actions(np.asarray(action)[np.newaxis])
-        targets = np.asarray(action, dtype=np.float32)
-        if targets.shape != (2,):
-            raise ValueError(f"action must be an array of shape (2,), got shape {targets.shape}")
-        if not (math.isfinite(targets[0]) and math.isfinite(targets[1])):
-            raise ValueError(f"action must be finite, got {targets}")
-        return targets.reshape(1, 2)
+            return _directions("action", action, ())
+        if isinstance(action, np.ndarray) and action.dtype == np.float32 and action.shape == (2,):
+            if math.isfinite(action[0]) and math.isfinite(action[1]):  # the usual case, quickly
+                return action.reshape(1, 2)
+        return _velocities("action", action, (2,)).reshape(1, 2)
 
     def check_actions(self, actions: ArrayLike) -> NDArray[np.float32]:
         """Actions as float32 target velocities (N, 2).
@@ -176,31 +179,26 @@ class Game:
             ValueError: of another shape or kind than the action space's, or not finite.
         """
         n = self.num_tables
-        if not self.continuous:
-            chosen = np.asarray(actions)
-            if chosen.shape != (n,) or chosen.dtype.kind not in "iu" or ((chosen < 0) | (chosen > 8)).any():
-                raise ValueError(f"actions must be {n} whole numbers from 0 to 8, got {actions!r}")
-            return DIRECTIONS[chosen]
-        try:
-            targets = np.ascontiguousarray(actions, dtype=np.float32)
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"actions must be an array of shape ({n}, 2), got {actions!r}") from error
-        if targets.shape != (n, 2):
-            raise ValueError(f"actions must be an array of shape ({n}, 2), got shape {targets.shape}")
-        if not np.isfinite(targets).all():
-            raise ValueError(f"actions must be finite, got {targets[~np.isfinite(targets)][0]}")
-        return targets
+        return _velocities("actions", actions, (n, 2)) if self.continuous else _directions("actions", actions, (n,))
 
-    def step(self, targets: NDArray[np.float32]) -> None:
-        """Play one step on all tables with checked actions (see `check_actions`); the results lie in `out`."""
+    def step(self, targets: NDArray[np.float32], others: NDArray[np.float32] | None = None) -> None:
+        """Play one step on all tables; the results lie in `out`.
+
+        Args:
+            targets: checked actions (see `check_actions`) of the left players.
+            others: those of the right players, with `opponent=None`.
+        """
         n = self.num_tables
         if not self.begun:
-            raise ResetNeeded("call reset before step")
-        if self._autoreset == AUTORESET_DISABLED and (self._done[0] if n == 1 else self._done.any()):
-            raise ResetNeeded(
-                f"the episodes on tables {np.flatnonzero(self._done).tolist()} are over: reset them before step"
-            )
-        others = self._others if self._policy is None else self._ask(self._policy)
+            raise ResetNeeded("reset every table before step")
+        if self._autoreset == AUTORESET_DISABLED:
+            done = self.tables["done"]
+            if done[0] if n == 1 else done.any():
+                raise ResetNeeded(
+                    f"the episodes on tables {np.flatnonzero(done).tolist()} are over: reset them before step"
+                )
+        if others is None:
+            others = self._others if self._policy is None else self._ask(self._policy)
         threads = min(self.num_threads, n // ROWS_PER_THREAD)
         if threads < 2:
             self._step_rows(0, n, targets, others)
@@ -232,10 +230,14 @@ class Game:
                 f"{getattr(state, 'dtype', type(state))!r} of shape {getattr(state, 'shape', None)}"
             )
         self.tables[chosen] = state
-        self.begun = True
+        self._note_begun()
         kernel.refresh_rows(chosen, self.tables, self.physics, self.settings, self.out)
 
     # How it is done ---------------------------------------------------------------------------------------------
+
+    def _note_begun(self) -> None:
+        """Whether every table has begun an episode: a puck that was served is on a side."""
+        self.begun = self.begun or bool(self.tables["side"].all())
 
     def _step_rows(self, first: int, last: int, targets: NDArray[np.float32], others: NDArray[np.float32]) -> None:
         kernel.step_rows(first, last, self.tables, self.physics, self.settings, targets, others, self.out)
@@ -244,12 +246,7 @@ class Game:
         """The actions of an opponent from outside."""
         seen = self.out.other_observation.view()
         seen.flags.writeable = False
-        answer = np.ascontiguousarray(policy(seen), dtype=np.float32)
-        if answer.shape != (self.num_tables, 2) or not np.isfinite(answer).all():
-            raise InvalidAction(
-                f"opponent must return finite actions of shape ({self.num_tables}, 2), got shape {answer.shape}"
-            )
-        return answer
+        return _velocities("the opponent's actions", policy(seen), (self.num_tables, 2))
 
     def check_reset_options(self, options: Mapping[str, Any] | None) -> ResetOptions:
         """`options` of a reset, checked; see `AirHockeyEnv.reset`.
@@ -257,12 +254,14 @@ class Game:
         Raises:
             ValueError: one is unknown or out of range.
         """
-        options = options or {}
+        options = {} if options is None else options
+        if not isinstance(options, Mapping):
+            raise ValueError(f"options must be a mapping or None, got {options!r}")
         for name in options:
             if name not in ResetOptions._fields:
                 raise ValueError(f"options may hold {ResetOptions._fields}, got {name!r}")
         serve = options.get("serve", "random")
-        if serve not in SERVERS:
+        if not isinstance(serve, str) or serve not in SERVERS:
             raise ValueError(f"options['serve'] must be one of {sorted(SERVERS)}, got {serve!r}")
         place = _pair("options['puck_position']", options.get("puck_position"))
         if place is not None:
@@ -302,17 +301,67 @@ class Game:
         return copied
 
 
-def _opponent(opponent: str | Policy) -> tuple[int, Policy | None]:
-    if isinstance(opponent, str) and opponent in SCRIPTED:
-        return SCRIPTED[opponent], None
-    if callable(opponent):
-        return EXTERNAL, opponent
-    raise ValueError(f"opponent must be one of {sorted(SCRIPTED)} or a callable, got {opponent!r}")
+def _scripted(name: str, player: str | Policy | None) -> int:
+    """The number of who drives a paddle."""
+    if player is None or (callable(player) and name == "opponent"):
+        return EXTERNAL
+    if isinstance(player, str) and player in SCRIPTED:
+        return SCRIPTED[player]
+    raise ValueError(f"{name} must be one of {sorted(SCRIPTED)} or a callable, got {player!r}")
 
 
-def _whole(name: str, value: Any, least: int) -> int:
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)) or value < least:
-        raise ValueError(f"{name} must be a whole number from {least} up, got {value!r}")
+def _skill(skill: ArrayLike, num_tables: int) -> NDArray[np.float64] | float:
+    """A skill for all tables, or one for each."""
+    if np.ndim(skill) == 0:
+        return _between("opponent_skill", skill, 0.0, 1.0)
+    skills = np.asarray(skill)
+    if skills.shape != (num_tables,) or skills.dtype.kind not in "fiu" or not ((skills >= 0) & (skills <= 1)).all():
+        raise ValueError(f"opponent_skill must be from 0 to 1, one number or one for each table, got {skill!r}")
+    return skills.astype(np.float64)
+
+
+def _velocities(name: str, actions: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Target velocities as float32. Those that float32 cannot hold are clipped, as all beyond [-1, 1] will be."""
+    try:
+        given = np.asarray(actions)
+        if given.dtype != np.float32:
+            given = given.astype(np.float64, casting="same_kind", copy=False)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} must be an array of shape {shape}, got {actions!r}") from error
+    if given.shape != shape:
+        raise ValueError(f"{name} must be an array of shape {shape}, got shape {given.shape}")
+    if not np.isfinite(given).all():
+        raise ValueError(f"{name} must be finite, got {given[~np.isfinite(given)][0]}")
+    if given.dtype != np.float32:
+        given = given.clip(-1.0, 1.0).astype(np.float32)
+    return np.ascontiguousarray(given)
+
+
+def _directions(name: str, actions: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Discrete actions as target velocities (N, 2)."""
+    try:
+        chosen = np.asarray(actions)
+    except ValueError as error:
+        raise ValueError(f"{name} must be whole numbers from 0 to 8, got {actions!r}") from error
+    if chosen.shape != shape or chosen.dtype.kind not in "iu" or ((chosen < 0) | (chosen > 8)).any():
+        raise ValueError(f"{name} must be whole numbers from 0 to 8, of shape {shape}; got {actions!r}")
+    return DIRECTIONS[chosen.reshape(-1)]
+
+
+def check_seed(seed: Any) -> int:
+    """A seed as an int.
+
+    Raises:
+        ValueError: it is not a whole number from 0 up.
+    """
+    return _whole("seed", seed, 0, math.inf)
+
+
+def _whole(name: str, value: Any, least: int, most: float = 2**31 - 1) -> int:
+    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    if not whole or not least <= value <= most:
+        limit = "up" if math.isinf(most) else f"to {most}"
+        raise ValueError(f"{name} must be a whole number from {least} {limit}, got {value!r}")
     return int(value)
 
 

@@ -55,6 +55,14 @@ def step_table(table, physics, settings, ax, ay, bx, by, contacts):
     return reward, terminated, truncated
 
 
+@inlined
+def choose(table, physics, player, actions, i):
+    """A player's action: the caller's, or what the scripted player does who drives that paddle."""
+    if table.player[player] == EXTERNAL:
+        return float(actions[i, 0]), float(actions[i, 1])
+    return play(table, physics, player)
+
+
 @compiled
 def step_rows(first, last, tables, physics, settings, actions, others, out):
     """Play one step of the tables `first` to `last` (excluded).
@@ -63,8 +71,7 @@ def step_rows(first, last, tables, physics, settings, actions, others, out):
         tables: (N,) `TABLE`; changed in place.
         physics: (1,) or (N,) `PHYSICS`.
         settings: (1,) `SETTINGS`.
-        actions: (N, 2) float32 of the left players.
-        others: (N, 2) float32 of the right players; read where the opponent is EXTERNAL.
+        actions, others: (N, 2) float32 of the left and the right players; read where these are EXTERNAL.
         out: `Outputs`; written in place.
     """
     rules = settings[0]
@@ -78,13 +85,9 @@ def step_rows(first, last, tables, physics, settings, actions, others, out):
             out.terminated[i] = False
             out.truncated[i] = False
         else:
-            if table.opponent == EXTERNAL:
-                bx, by = float(others[i, 0]), float(others[i, 1])
-            else:
-                bx, by = play(table, law, RIGHT)
-            reward, terminated, truncated = step_table(
-                table, law, rules, float(actions[i, 0]), float(actions[i, 1]), bx, by, out.contacts[i]
-            )
+            ax, ay = choose(table, law, LEFT, actions, i)
+            bx, by = choose(table, law, RIGHT, others, i)
+            reward, terminated, truncated = step_table(table, law, rules, ax, ay, bx, by, out.contacts[i])
             out.reward[i] = reward
             out.terminated[i] = terminated
             out.truncated[i] = truncated
@@ -123,5 +126,6 @@ def refresh_rows(rows, tables, physics, settings, out):
     for k in range(rows.shape[0]):
         i = rows[k]
         law = physics[i if own_physics else 0]
-        tables[i].potential = potential(tables[i], law)
+        if settings[0].shaped and not tables[i].done:
+            tables[i].potential = potential(tables[i], law)
         observe_row(tables[i], law, settings[0], out, i)

@@ -40,12 +40,12 @@ def _clamp(value, limit):
 
 
 @inlined
-def wander(table):
+def wander(table, player):
     """Random: a direction and speed, drawn anew ten steps apart on average."""
     if draw(table) < 0.1:
-        table.wander[0] = draw_between(table, -1.0, 1.0)
-        table.wander[1] = draw_between(table, -1.0, 1.0)
-    return table.wander[0], table.wander[1]
+        table.wander[player, 0] = draw_between(table, -1.0, 1.0)
+        table.wander[player, 1] = draw_between(table, -1.0, 1.0)
+    return table.wander[player, 0], table.wander[player, 1]
 
 
 @inlined
@@ -146,17 +146,18 @@ def striker(seen, physics, plan):
 
 @inlined
 def play(table, physics, player):
-    """The action of the scripted opponent that the table names, for the paddle of `player`."""
-    if table.opponent == IDLE:
+    """The action of the scripted player that drives the paddle of `player` (LEFT or RIGHT) on this table."""
+    who = table.player[player]
+    if who == IDLE:
         return 0.0, 0.0
-    if table.opponent == RANDOM:
-        ax, ay = wander(table)
+    if who == RANDOM:
+        ax, ay = wander(table, player)
     else:
         seen = view(table, player)
-        if table.opponent == GOALIE:
+        if who == GOALIE:
             ax, ay = goalie(seen, physics)
         else:
             ax, ay = striker(seen, physics, table.plan)
     length = math.sqrt(ax * ax + ay * ay)
-    share = table.skill / max(length, 1.0)
+    share = table.skill[player] / max(length, 1.0)
     return ax * share, ay * share

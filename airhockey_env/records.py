@@ -57,17 +57,18 @@ TABLE = np.dtype(
         ("clock", np.int32),  # ticks since the puck came to the side that it is on
         ("side", np.int8),  # that side: -1 left, +1 right
         ("done", np.bool_),  # the episode is over and the next has not begun
-        ("opponent", np.int8),  # who drives the right paddle, see opponents
-        ("skill", np.float64),  # share of its speed that a scripted opponent uses
-        ("plan", np.float64),  # 0 to 1, drawn when the puck changes sides: how a scripted opponent shoots
-        ("wander", np.float64, (2,)),  # the random opponent's present action
+        ("player", np.int8, (2,)),  # who drives the left and the right paddle, see opponents
+        ("final_contacts", np.int32),  # what an automatic reset in the same step replaced; this and the next
+        ("final_score", np.int32, (2,)),
+        ("skill", np.float64, (2,)),  # share of its speed that a scripted player uses
+        ("plan", np.float64),  # 0 to 1, drawn when the puck changes sides: how a scripted player shoots
+        ("wander", np.float64, (2, 2)),  # the present actions of players that wander
         ("score", np.int32, (2,)),  # points: left, right
         ("potential", np.float64),  # of the shaped reward, in this state
-        ("final_score", np.int32, (2,)),  # what an automatic reset in the same step replaced
-        ("final_contacts", np.int32),
     ],
     align=True,
 )
+"""The fields leave no gaps: bytes between fields are not always copied, and equal states should have equal bytes."""
 
 SETTINGS = np.dtype(
     [

@@ -10,7 +10,7 @@ from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
 from airhockey_env.env import check_render_mode, draw_row, make_renderer
-from airhockey_env.game import Game
+from airhockey_env.game import Game, check_seed
 from airhockey_env.records import AUTORESET_SAME_STEP
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.tables import TableSpec
@@ -77,16 +77,38 @@ class AirHockeySB3VecEnv(VecEnv):
 
     def reset(self) -> NDArray[np.float32]:
         """Begin an episode on every table; with the seeds of `seed` and the options of `set_options`, if given."""
-        options = self._game.check_reset_options(self._options[0] if self._options else None)
+        options = [self._game.check_reset_options(one) for one in self._options]
         if not self._seeded and self._seeds[0] is None:
             self.seed(int(np.random.SeedSequence().generate_state(1)[0]))
         self._game.seed(self._seeds)
         self._seeded = True
-        self._game.reset(options=options)
+        for row, one in enumerate(options):
+            self._game.reset(np.array([row]), one)
         self._reset_seeds()
         self._reset_options()
         self.reset_infos = [{} for _ in range(self.num_envs)]
         return self._game.out.observation.copy()
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Seed the next reset: the first table with `seed`, the next with the number after it, and so on.
+
+        Raises:
+            ValueError: not a whole number from 0 up. Nothing has changed then.
+        """
+        return super().seed(None if seed is None else check_seed(seed))
+
+    def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
+        """Options of the next reset: those of `AirHockeyEnv.reset`, for all tables, or a list with one for each.
+
+        Raises:
+            ValueError: one is unknown or out of range, or the list is too short or long. Nothing has changed then.
+        """
+        given = options if isinstance(options, list) else [options] * self.num_envs
+        if len(given) != self.num_envs:
+            raise ValueError(f"options must hold one dict for each of {self.num_envs} tables, got {len(given)}")
+        for one in given:
+            self._game.check_reset_options(one)
+        super().set_options(options)
 
     def step_async(self, actions: np.ndarray) -> None:
         """Take the actions of the next step.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from numbers import Real
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ class TableSpec:
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+            if isinstance(value, bool) or not isinstance(value, Real) or not -math.inf < value < math.inf:
                 raise ValueError(f"{field.name} must be a finite number, got {value!r}")
             object.__setattr__(self, field.name, float(value))
         for name in ("length", "width", "goal_width", "puck_radius", "puck_mass", "paddle_radius",
@@ -86,6 +87,10 @@ class TableSpec:
             raise ValueError(
                 "length must be greater than four diameters of a paddle and the puck together "
                 f"({8.0 * (self.paddle_radius + self.puck_radius)}), got {self.length}"
+            )
+        if not 10.0 * self.paddle_radius < self.length:  # at a serve its centre is a tenth of the length from the wall
+            raise ValueError(
+                f"paddle_radius must be less than a tenth of the length ({0.1 * self.length}), got {self.paddle_radius}"
             )
         if not self.paddle_speed < self.puck_speed:
             raise ValueError(f"puck_speed must be greater than paddle_speed {self.paddle_speed}, got {self.puck_speed}")

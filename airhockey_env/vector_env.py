@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env.contacts import BatchContacts
 from airhockey_env.env import check_render_mode, draw_row, make_renderer
-from airhockey_env.game import Game, Policy
+from airhockey_env.game import Game, Policy, check_seed
 from airhockey_env.records import AUTORESET_DISABLED, AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.tables import TableSpec
@@ -135,17 +135,20 @@ class AirHockeyVectorEnv(VectorEnv):
         Raises:
             ValueError, TypeError: an option or seed is unknown or out of range. The state is as it was then.
         """
-        options = dict(options or {})
-        mask = self._check_mask(options.pop("reset_mask", None))
+        mask = None
+        if isinstance(options, Mapping):
+            options = dict(options)
+            mask = options.pop("reset_mask", None)
+        mask = self._check_mask(mask)
         checked = self._game.check_reset_options(options)
         seeds = self._check_seeds(seed)
-        super().reset(seed=seed if isinstance(seed, int) else None)
+        super().reset(seed=int(seed) if isinstance(seed, (int, np.integer)) else None)
+        seeds = [given if chosen else None for given, chosen in zip(seeds, mask, strict=True)]
         if not self._seeded:
             fresh = self.np_random.integers(2**63, size=self.num_envs).tolist()
-            seeds = [drawn if given is None else given for given, drawn in zip(seeds or fresh, fresh, strict=True)]
+            seeds = [drawn if given is None else given for given, drawn in zip(seeds, fresh, strict=True)]
             self._seeded = True
-        if seeds is not None:
-            self._game.seed([given if chosen else None for given, chosen in zip(seeds, mask, strict=True)])
+        self._game.seed(seeds)
         self._game.reset(np.flatnonzero(mask), checked)
         self._age[0] += 1
         return self._game.out.observation.copy(), self._infos(mask)
@@ -177,7 +180,7 @@ class AirHockeyVectorEnv(VectorEnv):
 
     def get_state(self, indices: ArrayLike | None = None) -> NDArray[np.void]:
         """Copies of everything that decides what happens next, for all tables or for some: (n,) records."""
-        return self._game.get_state(slice(None) if indices is None else np.asarray(indices))
+        return self._game.get_state(slice(None) if indices is None else np.atleast_1d(indices))
 
     def set_state(self, state: NDArray[np.void], indices: ArrayLike | None = None) -> None:
         """Let all tables, or some, go on from states that `get_state` returned; the same to the bit.
@@ -185,7 +188,7 @@ class AirHockeyVectorEnv(VectorEnv):
         Raises:
             ValueError: not states of as many tables. Nothing has changed then.
         """
-        self._game.set_state(state, slice(None) if indices is None else np.asarray(indices))
+        self._game.set_state(state, slice(None) if indices is None else np.atleast_1d(indices))
         self._seeded = True
         self._age[0] += 1
 
@@ -232,22 +235,15 @@ class AirHockeyVectorEnv(VectorEnv):
         }
         infos["_final_info"] = done.copy()
 
-    def _check_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None] | None:
+    def _check_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         if seed is None:
-            return None
-        if isinstance(seed, (int, np.integer)) and not isinstance(seed, bool):
-            seeds: list[int | None] = [int(seed) + i for i in range(self.num_envs)]
-        else:
-            try:
-                seeds = list(seed)  # type: ignore[arg-type]
-            except TypeError as error:
-                raise ValueError(f"seed must be a whole number, a sequence of them or None, got {seed!r}") from error
-        if len(seeds) != self.num_envs:
-            raise ValueError(f"seed must hold one seed for each of {self.num_envs} tables, got {len(seeds)}")
-        for one in seeds:
-            if one is not None and (isinstance(one, bool) or not isinstance(one, (int, np.integer)) or one < 0):
-                raise ValueError(f"seed must be whole numbers from 0 up, or None, got {one!r}")
-        return seeds
+            return [None] * self.num_envs
+        if np.ndim(seed) == 0:
+            first = check_seed(seed)
+            return [first + i for i in range(self.num_envs)]
+        if len(seed) != self.num_envs:
+            raise ValueError(f"seed must hold one seed for each of {self.num_envs} tables, got {len(seed)}")
+        return [None if one is None else check_seed(one) for one in seed]
 
     def _check_mask(self, mask: Any) -> NDArray[np.bool_]:
         """As Gymnasium's SyncVectorEnv checks it."""

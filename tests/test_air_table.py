@@ -211,13 +211,13 @@ def test_a_crowded_step_is_the_same_as_many_small_ones():
 @pytest.mark.parametrize("method", ["kiss", "overlap"])
 def test_a_tick_with_more_overlaps_than_expected_is_the_same_as_with_room_from_the_start(method):
     # Ever faster driven discs, one on top of the other, sweep over a row of pucks: each meets each.
-    driven, pucks = 20, 14
+    driven, pucks = 40, 14
     n = driven + pucks
     positions = np.zeros((n, 2))
-    positions[:driven, 0] = -0.7
-    positions[driven:, 1] = 0.045 * (np.arange(pucks) - 6.5)
     velocities = np.zeros((n, 2))
-    velocities[:driven, 0] = 10.0 + 0.1 * np.arange(driven)
+    velocities[:driven, 0] = 10.0 * 1.1 ** np.arange(driven)
+    positions[:driven, 0] = -0.15 + 0.001 * np.arange(driven) - 0.05 * velocities[:driven, 0]
+    positions[driven:, 1] = 0.045 * (np.arange(pucks) - 6.5)
     radii = np.repeat([0.4, 0.02], [driven, pucks])
     masses = np.repeat([INF, 1.0], [driven, pucks])
     table = AirTable(positions, velocities, radii, masses, restitution=0.0, size=None, method=method)
@@ -234,7 +234,7 @@ def test_a_tick_with_more_overlaps_than_expected_is_the_same_as_with_room_from_t
 
 
 @pytest.mark.parametrize("method", ["continuous", "kiss", "overlap"])
-@pytest.mark.parametrize("copied", [copy.deepcopy, copy.copy, pickled], ids=["deepcopy", "copy", "pickle"])
+@pytest.mark.parametrize("copied", [copy.deepcopy, pickled], ids=["deepcopy", "pickle"])
 def test_a_copy_goes_on_to_the_bit_and_on_its_own(method, copied):
     rng = np.random.default_rng(3)
     positions = [[x, y] for x in (-0.8, -0.4, 0.0, 0.4, 0.8) for y in (-0.25, 0.25)]

@@ -12,10 +12,10 @@ from airhockey_env.engine.records import DISC, GOAL, NOTHING, WALL, Outcome
 
 
 @compiled
-def resolve(discs, kiss, surface, bounce, contacts, count, time):
-    """Let the two that kiss bounce, with `bounce` of the restitution. Returns the new number of contacts."""
+def resolve(discs, kiss, surface, contacts, count, time):
+    """Let the two that kiss bounce. Returns the new number of contacts."""
     if kiss.kind == DISC:
-        return strike_disc(discs, kiss.a, kiss.b, bounce * surface.disc_restitution, contacts, count, time)
+        return strike_disc(discs, kiss.a, kiss.b, surface.disc_restitution, contacts, count, time)
     a = kiss.a
     if kiss.kind == WALL:
         axis = kiss.b // 2
@@ -31,8 +31,7 @@ def resolve(discs, kiss, surface, bounce, contacts, count, time):
         dy = discs.position[a, 1] - side * surface.half_goal
         distance = math.sqrt(dx * dx + dy * dy)
         nx, ny = dx / distance, dy / distance
-    restitution = bounce * surface.wall_restitution
-    return strike_edge(discs, a, nx, ny, restitution, surface.wall_tangential, contacts, count, time)
+    return strike_edge(discs, a, nx, ny, surface, contacts, count, time)
 
 
 @inlined
@@ -65,8 +64,7 @@ def advance(discs, surface, start, tick, limit, contacts, pause):
             side = 1 if kiss.b == 0 else -1
             discs.position[kiss.a, 0] = side * surface.half_length
             return Outcome(elapsed, count, side)
-        bounce = relieve(discs, kiss.a, kiss.b if kiss.kind == DISC else -1, limit)
-        if bounce >= 0.0:
-            count = resolve(discs, kiss, surface, bounce, contacts, count, elapsed)
+        if not relieve(discs, kiss.a, kiss.b if kiss.kind == DISC else -1, limit):
+            count = resolve(discs, kiss, surface, contacts, count, elapsed)
             if pause and count == contacts.shape[0]:
                 return Outcome(elapsed, count, 0)

@@ -95,8 +95,7 @@ def _mend_wall(discs, a, axis, surface, tick, contacts, count):
     _shift(discs, a, -penetration)
     nx = -sign if axis == 0 else 0.0
     ny = -sign if axis == 1 else 0.0
-    restitution, tangential = surface.wall_restitution, surface.wall_tangential
-    count = strike_edge(discs, a, nx, ny, restitution, tangential, contacts, count, tick - penetration)
+    count = strike_edge(discs, a, nx, ny, surface, contacts, count, tick - penetration)
     _shift(discs, a, penetration)
     return count
 

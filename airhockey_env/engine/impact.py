@@ -58,15 +58,15 @@ def strike_disc(discs, a, b, restitution, contacts, count, time):
 
 
 @compiled
-def strike_edge(discs, a, nx, ny, restitution, tangential, contacts, count, time):
+def strike_edge(discs, a, nx, ny, surface, contacts, count, time):
     """A disc that touches a wall or post bounces off it. Returns the new number of contacts."""
     vx, vy = discs.velocity[a, 0], discs.velocity[a, 1]
     normal = vx * nx + vy * ny
     if not normal < 0.0:
         return count
     tangent = vy * nx - vx * ny
-    normal_after = -restitution * normal
-    tangent_after = tangential * tangent
+    normal_after = -surface.wall_restitution * normal
+    tangent_after = surface.wall_tangential * tangent
     discs.velocity[a, 0] = normal_after * nx - tangent_after * ny
     discs.velocity[a, 1] = normal_after * ny + tangent_after * nx
     x = discs.position[a, 0] - discs.radius[a] * nx
@@ -85,19 +85,16 @@ def stop(discs, a):
 
 @compiled
 def relieve(discs, a, b, limit):
-    """Count a contact of disc a (with disc b, or an edge if b < 0) and end what would never end.
+    """Count a contact of disc a (with disc b, or an edge if b < 0); end what would never end. True if it is over.
 
     A puck squeezed between a moving paddle and a wall, or discs that lose energy while they rattle in a shrinking
     gap, have infinitely many contacts in a finite time. So when a disc of finite mass has had more than `limit`
-    contacts in a tick, the driven disc that it meets gives way (it stops for the rest of the tick), and its contacts
-    are perfectly inelastic, which keeps momentum and soon leaves no approach to mend. If even that does not end it,
-    past 2 * `limit` contacts the discs that meet come to rest.
+    contacts in a tick, the driven disc that it meets gives way: it stops for the rest of the tick. If even that does
+    not end it, past 2 * `limit` contacts the discs that meet come to rest, and there is no bounce: the one case in
+    which momentum gets lost between discs of finite mass.
 
     Every bounce raises a count that is bounded, and every rest ends the motion of a disc that only a bounce can move
     again: so a tick has at most about 5 * n * `limit` contacts, whatever happens.
-
-    Returns:
-        Share of the restitution that this contact keeps: 1, or 0 past the limit; -1 if there is no contact to resolve.
     """
     count = 0
     if discs.inverse_mass[a] > 0.0:
@@ -107,14 +104,14 @@ def relieve(discs, a, b, limit):
         discs.hits[b] += 1
         count = max(count, discs.hits[b])
     if count <= limit:
-        return 1.0
+        return False
     if discs.inverse_mass[a] == 0.0:
         stop(discs, a)
     if b >= 0 and discs.inverse_mass[b] == 0.0:
         stop(discs, b)
     if count <= 2 * limit:
-        return 0.0
+        return False
     stop(discs, a)
     if b >= 0:
         stop(discs, b)
-    return -1.0
+    return True

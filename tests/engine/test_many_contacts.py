@@ -1,4 +1,4 @@
-"""Long trains of contacts: honest ones are all played, and those without an end keep what a contact keeps."""
+"""Long trains of contacts: honest ones are all played, and those without an end are cut short."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from airhockey_env.air_table import AirTable
+from airhockey_env.engine.tolerances import TABLE_CONTACTS
 from tests.engine.scenes import deepest_overlap, momentum
 
 
@@ -69,3 +70,14 @@ def test_pucks_between_driven_discs_and_walls_never_overlap_or_leave_the_table()
             outwards = beyond & (table.velocities * table.positions > 0.0) & np.isinf(masses)[:, None]
             table.velocities[outwards] *= -1.0
     assert busiest > 1000  # some of them did squeeze
+
+
+def test_a_train_of_contacts_beyond_the_bound_is_cut_short():
+    """A speck between two heavy pucks that lose a little with every contact would need a million of them."""
+    table = AirTable(
+        [[-0.5, 0.0], [0.0, 0.0], [0.5, 0.0]], [[2.0, 0.0], [0.1, 0.0], [-1.0, 0.0]], 0.05, [1.0, 1e-12, 1.0],
+        restitution=0.99999, size=None,
+    )  # fmt: skip
+    assert len(table.step(1.0)) == 2 * TABLE_CONTACTS
+    assert table.energy < 2.5
+    assert deepest_overlap(table) < 1e-12

@@ -40,6 +40,19 @@ def test_the_kiss_gives_the_ideal_angles_wherever_the_tick_boundary_falls(method
         np.testing.assert_allclose(outgoing_angles(method, offset, phase, tick), ideal, atol=1e-9)
 
 
+@pytest.mark.parametrize("method", ["kiss", "continuous"])
+@pytest.mark.parametrize("quarter", range(4))
+def test_a_shot_along_an_axis_never_divides_by_the_component_that_is_zero(method, quarter):
+    offset = 0.06
+    still = np.array([0.8, -0.6])  # the line of centres at the kiss of a shot along +x
+    turn = np.round(np.array([[math.cos(t := quarter * math.pi / 2), -math.sin(t)], [math.sin(t), math.cos(t)]]))
+    positions = [turn @ [-DISTANCE, offset], [0.0, 0.0]]
+    table = AirTable(positions, [turn @ [SPEED, 0.0], [0.0, 0.0]], RADIUS, size=None, method=method)
+    for _ in range(30):
+        table.step(TICK)
+    np.testing.assert_allclose(table.velocities[1], turn @ (0.8 * SPEED * still), rtol=0, atol=1e-11)
+
+
 @pytest.mark.parametrize("offset", OFFSETS)
 def test_the_overlap_does_not(offset):
     angles = np.array([outgoing_angles("overlap", offset, phase, TICK)[1] for phase in PHASES])

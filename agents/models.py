@@ -1,0 +1,53 @@
+"""Trained models: from Stable-Baselines3's files to policies that play."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+from airhockey_env.opponents import SCRIPTED
+from airhockey_env.policy import MlpPolicy
+
+
+def export_policy(model) -> MlpPolicy:  # type: ignore[no-untyped-def]
+    """The deterministic policy of a Stable-Baselines3 actor-critic with an `MlpPolicy`, without torch."""
+    from torch import nn
+
+    layers = [*model.policy.mlp_extractor.policy_net, model.policy.action_net]
+    linear = [layer for layer in layers if isinstance(layer, nn.Linear)]
+    activation = "relu" if any(isinstance(layer, nn.ReLU) for layer in layers) else "tanh"
+    return MlpPolicy(
+        [layer.weight.detach().numpy() for layer in linear],
+        [layer.bias.detach().numpy() for layer in linear],
+        activation,
+    )
+
+
+def load_player(model: str) -> MlpPolicy | str:
+    """What a MODEL argument means.
+
+    Args:
+        model: a scripted opponent's name, a run's folder, a `policy.npz` or a `model.zip`.
+
+    Raises:
+        FileNotFoundError: there is no such file or name.
+        ValueError: the file holds no policy of this environment.
+    """
+    if model in SCRIPTED:
+        return model
+    path = Path(model)
+    if path.is_dir():
+        path = path / "policy.npz"
+    if not path.exists():
+        raise FileNotFoundError(
+            f"MODEL must be one of {sorted(SCRIPTED)}, a run's folder, a policy.npz or a model.zip; "
+            f"{model!r} is none of these"
+        )
+    if path.suffix != ".zip":
+        return MlpPolicy.load(path)
+    from stable_baselines3 import PPO
+
+    try:
+        return export_policy(PPO.load(path, device="cpu"))
+    except (zipfile.BadZipFile, ValueError, KeyError, AttributeError) as error:
+        raise ValueError(f"{path} does not hold a PPO model of this environment: {error}") from error

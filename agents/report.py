@@ -1,0 +1,80 @@
+"""What a run or an evaluation came to: a table in the terminal and a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from agents.evaluation import Result, wilson_interval
+from agents.files import replace
+
+
+def print_results(results: Sequence[Result]) -> None:
+    """Print wins, losses, draws and the win rates with their 95 % Wilson intervals."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title="Points, half of them on each side of the table")
+    for name in ("opponent", "points", "wins", "losses", "draws", "win rate (95 %)", "of decided (95 %)", "s a point"):
+        table.add_column(name, justify="left" if name == "opponent" else "right")
+    for result in results:
+        low, high = wilson_interval(result.wins, result.points)
+        decided_low, decided_high = wilson_interval(result.wins, result.wins + result.losses)
+        table.add_row(
+            result.opponent,
+            *(str(number) for number in (result.points, result.wins, result.losses, result.draws)),
+            f"{result.win_rate:.1%} ({low:.1%} to {high:.1%})",
+            f"{result.decided:.1%} ({decided_low:.1%} to {decided_high:.1%})",
+            f"{result.seconds:.1f}",
+        )
+    Console().print(table)
+
+
+def draw_training(history: dict[str, Any], opponent: str, path: Path) -> None:
+    """Draw the run: win rate with its interval, length of episodes, entropy, and speed."""
+    from matplotlib.figure import Figure
+
+    evaluations, updates = history["evaluations"], history["updates"]
+    figure = Figure(figsize=(11, 6.5), layout="constrained")
+    axes = figure.subplots(2, 2)
+
+    minutes = [row["seconds"] / 60 for row in evaluations]
+    axis = axes[0, 0]
+    for key, label, color in (
+        ("decided_win_rate", "of decided points", "#e5395b"),
+        ("win_rate", "of all points", "#2f6fdd"),
+    ):
+        axis.plot(minutes, [row[key] for row in evaluations], color=color, label=label, marker=".")
+        low, high = zip(*(row[f"{key}_95"] for row in evaluations), strict=True) if evaluations else ((), ())
+        axis.fill_between(minutes, low, high, color=color, alpha=0.15, linewidth=0)
+    draws = [row["draws"] / row["points"] for row in evaluations]
+    axis.plot(minutes, draws, color="#8a8f9c", label="draws by time", linestyle="--")
+    axis.axhline(0.5, color="#c9ccd4", linewidth=1, zorder=0)
+    axis.set(title=f"Wins against {opponent}, 95 % interval", xlabel="minutes", ylim=(0, 1))
+    axis.legend(frameon=False, loc="upper left")
+
+    millions = [row["steps"] / 1e6 for row in updates]
+    seconds = [row["episode_length"] / 50 if "episode_length" in row else float("nan") for row in updates]
+    axes[0, 1].plot(millions, seconds, color="#2f6fdd")
+    axes[0, 1].set(title="Length of a point in training, s", xlabel="million steps")
+    axes[1, 0].plot(millions, [row.get("entropy", float("nan")) for row in updates], color="#2f6fdd")
+    axes[1, 0].set(title="Entropy of the policy, nats", xlabel="million steps")
+    axes[1, 1].plot(millions, _speed(updates), color="#2f6fdd")
+    axes[1, 1].set(title="Training speed, thousand steps/s", xlabel="million steps")
+    axes[1, 1].set_ylim(bottom=0)
+    for axis in axes.flat:
+        axis.grid(color="#eceef2")
+        axis.set_axisbelow(True)
+        axis.spines[["top", "right"]].set_visible(False)
+    replace(path, lambda part: figure.savefig(part, dpi=110, format="png"))
+
+
+def _speed(updates: Sequence[dict[str, float]], window: int = 20) -> list[float]:
+    """Thousand steps per second over the last updates."""
+    speeds = []
+    for k, row in enumerate(updates):
+        before = updates[max(0, k - window)]
+        seconds = row["seconds"] - before["seconds"]
+        speeds.append((row["steps"] - before["steps"]) / seconds / 1e3 if seconds > 0 else float("nan"))
+    return speeds

@@ -1,0 +1,93 @@
+"""Videos of play."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.evaluation import MAX_EPISODE_STEPS
+from agents.files import replace
+from airhockey_env.env import draw_row
+from airhockey_env.game import Game
+from airhockey_env.policy import MlpPolicy
+from airhockey_env.records import AUTORESET_NEXT_STEP
+from airhockey_env.render import Renderer
+
+SUFFIXES = (".gif", ".mp4")
+
+
+def frames_of_play(
+    player: MlpPolicy | str,
+    opponent: MlpPolicy | str,
+    seconds: float,
+    *,
+    seed: int = 0,
+    fps: int = 25,
+    size: tuple[int, int] | None = None,
+    points: int = 7,
+    table: str = "full_size",
+) -> Iterator[NDArray[np.uint8]]:
+    """Pictures of a match, (height, width, 3) uint8 each, `fps` for a second of play.
+
+    Args:
+        player, opponent: policies or scripted opponents' names, for the left and the right paddle.
+        seconds: of play.
+        points: that win the match, after which the next begins.
+    """
+    control_hz = 50.0
+    game = Game(
+        1,
+        player=player if isinstance(player, str) else None,
+        opponent=opponent if isinstance(opponent, str) else None,
+        points=points,
+        max_episode_steps=MAX_EPISODE_STEPS * 2 * points,
+        autoreset=AUTORESET_NEXT_STEP,
+        control_hz=control_hz,
+        table=table,
+    )
+    game.seed([seed])
+    game.reset()
+    renderer = Renderer(game.spec, size)
+    still = np.zeros((1, 2), np.float32)
+    shown = 0.0
+    for step in range(round(seconds * control_hz)):
+        if step >= shown:
+            yield draw_row(renderer, game, 0)
+            shown += control_hz / fps
+        left = still if isinstance(player, str) else game.check_actions(player(game.out.observation))
+        right = still if isinstance(opponent, str) else game.check_actions(opponent(game.out.other_observation))
+        game.step(left, right)
+
+
+def write_video(path: Path, frames: Iterator[NDArray[np.uint8]], fps: int = 25) -> None:
+    """Write frames as .gif (one palette of colours for all) or .mp4.
+
+    Raises:
+        ValueError: another suffix.
+    """
+    if path.suffix not in SUFFIXES:
+        raise ValueError(f"a video's name must end in one of {SUFFIXES}, got {path.name!r}")
+    replace(path, lambda part: (_write_gif if path.suffix == ".gif" else _write_mp4)(part, frames, fps))
+
+
+def _write_gif(path: Path, frames: Iterator[NDArray[np.uint8]], fps: int) -> None:
+    from PIL import Image
+
+    first = next(frames)
+    palette = Image.fromarray(first).quantize(128)
+    pictures = [
+        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in (first, *frames)
+    ]
+    pictures[0].save(
+        path, "GIF", save_all=True, append_images=pictures[1:], duration=round(1000 / fps), loop=0, optimize=False
+    )
+
+
+def _write_mp4(path: Path, frames: Iterator[NDArray[np.uint8]], fps: int) -> None:
+    import imageio.v3 as iio
+
+    with iio.imopen(path, "w", plugin="FFMPEG", extension=".mp4") as file:
+        file.write(np.stack(list(frames)), fps=fps, codec="libx264", macro_block_size=8)

@@ -1,0 +1,70 @@
+"""Let a model play against scripted opponents: python -m scripts.evaluate MODEL --opponent NAME"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from agents.evaluation import OPPONENTS, play_points
+from agents.files import write_json
+from agents.models import load_player
+from agents.report import print_results
+
+
+@dataclass(frozen=True)
+class EvaluateArgs:
+    """Let a model play points against scripted opponents, half of them on each side of the table."""
+
+    model: Annotated[str, tyro.conf.Positional]
+    """A run's folder, a policy.npz, a model.zip, or a scripted opponent's name."""
+    opponent: str = "all"
+    """"idle", "random", "goalie", "striker", or "all" of them."""
+    episodes: int = 2000
+    """Points against each."""
+    opponent_skill: float = 1.0
+    """0 to 1."""
+    table: str = "full_size"
+    """A table preset."""
+    seed: int = 0
+    """Of the serves."""
+    json: Path | None = None
+    """Write the results to this file too."""
+
+
+def evaluate(args: EvaluateArgs) -> None:
+    """Play, print, and write.
+
+    Raises:
+        ValueError, OSError: an argument does not fit.
+    """
+    if args.episodes < 1:
+        raise ValueError(f"--episodes must be 1 or more, got {args.episodes}")
+    if args.json is not None and not args.json.parent.is_dir():
+        raise FileNotFoundError(f"--json must name a file in a folder that exists, got {args.json}")
+    player = load_player(args.model)
+    names = OPPONENTS if args.opponent == "all" else (args.opponent,)
+    results = [
+        play_points(
+            player, name, args.episodes, seed=args.seed, opponent_skill=args.opponent_skill, table=args.table
+        )
+        for name in names
+    ]
+    print_results(results)
+    if args.json is not None:
+        write_json(args.json, {"model": args.model, "results": [result.as_dict() for result in results]})
+
+
+def main() -> None:
+    """Read the command line and evaluate."""
+    try:
+        evaluate(tyro.cli(EvaluateArgs, prog="python -m scripts.evaluate"))
+    except (ValueError, OSError) as error:
+        sys.exit(f"evaluate: {error}")
+
+
+if __name__ == "__main__":
+    main()
