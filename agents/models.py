@@ -13,11 +13,17 @@ def export_policy(model) -> MlpPolicy:  # type: ignore[no-untyped-def]
     """The deterministic policy of a Stable-Baselines3 actor-critic with an `MlpPolicy`, without torch."""
     from torch import nn
 
+    from agents.features import RelativeFeatures
+
     layers = [*model.policy.mlp_extractor.policy_net, model.policy.action_net]
     linear = [layer for layer in layers if isinstance(layer, nn.Linear)]
+    weights = [layer.weight.detach().numpy() for layer in linear]
+    features = model.policy.features_extractor
+    if isinstance(features, RelativeFeatures):
+        weights[0] = weights[0] @ features.matrix.numpy()
     activation = "relu" if any(isinstance(layer, nn.ReLU) for layer in layers) else "tanh"
     return MlpPolicy(
-        [layer.weight.detach().numpy() for layer in linear],
+        weights,
         [layer.bias.detach().numpy() for layer in linear],
         activation,
     )

@@ -17,9 +17,11 @@ from stable_baselines3.common.logger import KVWriter, Logger, configure
 from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.evaluation import MAX_EPISODE_STEPS, OPPONENTS, play_points
+from agents.features import RelativeFeatures
 from agents.files import read_json, replace, write_json
 from agents.models import export_policy
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
+from airhockey_env.tables import PRESETS
 
 
 @dataclass(frozen=True)
@@ -44,13 +46,13 @@ class TrainArgs:
     """A table preset."""
     num_envs: int = 512
     """Tables."""
-    n_steps: int = 64
+    n_steps: int = 32
     """Steps on each table between updates."""
-    batch_size: int = 8192
+    batch_size: int = 2048
     """Samples of a gradient step."""
-    n_epochs: int = 5
+    n_epochs: int = 4
     """Passes over the samples of an update."""
-    learning_rate: float = 1e-3
+    learning_rate: float = 7e-4
     """At the start; falls linearly to a tenth of it."""
     gamma: float = 0.99
     """Discount of a step."""
@@ -220,7 +222,11 @@ def make_model(args: TrainArgs, env: VecMonitor) -> PPO:
         gae_lambda=args.gae_lambda,
         clip_range=args.clip_range,
         ent_coef=args.ent_coef,
-        policy_kwargs={"net_arch": [args.net_width, args.net_width]},
+        policy_kwargs={
+            "net_arch": [args.net_width, args.net_width],
+            "features_extractor_class": RelativeFeatures,
+            "features_extractor_kwargs": {"spec": PRESETS[args.table]},
+        },
         seed=args.seed,
         device="cpu",
     )

@@ -10,6 +10,7 @@ cache folder; `NUMBA_CACHE_DIR` moves it and `NUMBA_DISABLE_JIT=1` runs everythi
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 from collections.abc import Callable
@@ -45,24 +46,34 @@ def records(length: int | tuple[int, ...], dtype: np.dtype) -> NDArray[np.void]:
     and takes four times as long to look at a recarray as to play a step.
     """
     array = np.zeros(length, dtype)
-    return array.view(np.recarray) if config.DISABLE_JIT else array
+    return array.view(np.recarray) if config.DISABLE_JIT else array  # type: ignore[attr-defined]
+
+
+def _locators() -> list[type]:
+    """The places where numba looks for a cache; in its older versions their names begin with an underscore."""
+    names = ("UserProvidedCacheLocator", "InTreeCacheLocator", "UserWideCacheLocator")
+    return [_keyed_to_sources(getattr(caching, name, None) or getattr(caching, f"_{name}")) for name in names]
 
 
 class _CacheImpl(caching.CompileResultCacheImpl):
-    _locator_classes = [
-        _keyed_to_sources(locator)
-        for locator in (
-            caching.UserProvidedCacheLocator
-            if hasattr(caching, "UserProvidedCacheLocator")
-            else caching._UserProvidedCacheLocator,
-            caching.InTreeCacheLocator if hasattr(caching, "InTreeCacheLocator") else caching._InTreeCacheLocator,
-            caching.UserWideCacheLocator if hasattr(caching, "UserWideCacheLocator") else caching._UserWideCacheLocator,
-        )
-    ]
+    _locator_classes: Any = _locators()
 
 
 class _Cache(caching.FunctionCache):
+    """A cache that is no more than a cache: what cannot be read (a damaged file, say) is compiled and written anew."""
+
     _impl_class = _CacheImpl
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:  # whatever unpickling a bad file raises
+            self.flush()
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        with contextlib.suppress(OSError):  # a full disk, say
+            super().save_overload(sig, data)
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -79,10 +90,8 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _compile(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
-    dispatcher = numba.njit(function, nogil=True, error_model="numpy", **options)
-    if not config.DISABLE_JIT:
-        try:
+    dispatcher: Any = numba.njit(function, nogil=True, error_model="numpy", **options)
+    if not config.DISABLE_JIT:  # type: ignore[attr-defined]
+        with contextlib.suppress(RuntimeError):  # no folder to write to: compile in every process
             dispatcher._cache = _Cache(function)
-        except RuntimeError:  # no folder to write to: compile in every process
-            pass
     return dispatcher

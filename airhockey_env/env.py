@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from airhockey_env.contacts import Contacts
 from airhockey_env.engine.records import CONTACT
-from airhockey_env.game import Game, Policy, check_seed
+from airhockey_env.game import Game, Policy, check_opponent, check_seed
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.tables import TableSpec
 
@@ -98,7 +98,7 @@ class AirHockeyEnv(gym.Env):
     * v0: first version.
     """  # noqa: E501
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": list(RENDER_MODES), "render_fps": 50}
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}  # noqa: RUF012
 
     def __init__(
         self,
@@ -116,7 +116,7 @@ class AirHockeyEnv(gym.Env):
         self._game = Game(
             1,
             table=table,
-            opponent=opponent,
+            opponent=check_opponent(opponent),
             opponent_skill=opponent_skill,
             continuous=continuous,
             reward=reward,

@@ -167,9 +167,9 @@ class Game:
         """The action of a game on one table as (1, 2) float32; see `check_actions`."""
         if not self.continuous:
             return _directions("action", action, ())
-        if isinstance(action, np.ndarray) and action.dtype == np.float32 and action.shape == (2,):
-            if math.isfinite(action[0]) and math.isfinite(action[1]):  # the usual case, quickly
-                return action.reshape(1, 2)
+        usual = isinstance(action, np.ndarray) and action.dtype == np.float32 and action.shape == (2,)
+        if usual and math.isfinite(action[0]) and math.isfinite(action[1]):  # quickly
+            return action.reshape(1, 2)
         return _velocities("action", action, (2,)).reshape(1, 2)
 
     def check_actions(self, actions: ArrayLike) -> NDArray[np.float32]:
@@ -301,6 +301,17 @@ class Game:
         return copied
 
 
+def check_opponent(opponent: str | Policy) -> str | Policy:
+    """`opponent` of a face: unlike a caller of `Game`, its user does not play the right paddle too.
+
+    Raises:
+        ValueError: neither a name nor a callable.
+    """
+    if opponent is None:
+        raise ValueError(f"opponent must be one of {sorted(SCRIPTED)} or a callable, got None")
+    return opponent
+
+
 def _scripted(name: str, player: str | Policy | None) -> int:
     """The number of who drives a paddle."""
     if player is None or (callable(player) and name == "opponent"):
@@ -366,7 +377,8 @@ def _whole(name: str, value: Any, least: int, most: float = 2**31 - 1) -> int:
 
 
 def _between(name: str, value: Any, low: float, high: float) -> float:
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.number)) or not low <= value <= high:
+    number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+    if not number or not low <= value <= high:
         raise ValueError(f"{name} must be a number from {low} to {high}, got {value!r}")
     return float(value)
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,10 @@ from numpy.typing import NDArray
 from airhockey_env.game import DIRECTIONS
 from airhockey_env.records import OBSERVATION_SIZE
 
-_ACTIVATIONS = {"tanh": np.tanh, "relu": lambda x: np.maximum(x, 0.0)}
+_ACTIVATIONS: dict[str, Callable[[NDArray[np.float32]], NDArray[np.float32]]] = {
+    "tanh": np.tanh,
+    "relu": lambda x: np.maximum(x, 0.0),
+}
 
 
 class MlpPolicy:
@@ -59,13 +63,17 @@ class MlpPolicy:
 
     def save(self, path: str | Path) -> None:
         """Write the weights to an .npz file; a file that is there already is replaced at once or not at all."""
-        arrays = {f"weight_{k}": weight for k, weight in enumerate(self.weights)}
-        arrays.update({f"bias_{k}": bias for k, bias in enumerate(self.biases)})
+        arrays: dict[str, Any] = {"activation": np.array(self.activation)}
+        for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            arrays[f"weight_{k}"], arrays[f"bias_{k}"] = weight, bias
         buffer = io.BytesIO()
-        np.savez(buffer, activation=np.array(self.activation), **arrays)
+        np.savez(buffer, **arrays)
         part = Path(f"{path}.part")
-        part.write_bytes(buffer.getvalue())
-        os.replace(part, path)
+        try:
+            part.write_bytes(buffer.getvalue())
+            os.replace(part, path)
+        finally:
+            part.unlink(missing_ok=True)
 
     @classmethod
     def load(cls, path: str | Path) -> MlpPolicy:

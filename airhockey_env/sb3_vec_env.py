@@ -10,7 +10,7 @@ from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
 from airhockey_env.env import check_render_mode, draw_row, make_renderer
-from airhockey_env.game import Game, check_seed
+from airhockey_env.game import Game, Policy, check_opponent, check_seed
 from airhockey_env.records import AUTORESET_SAME_STEP
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.tables import TableSpec
@@ -37,23 +37,22 @@ class AirHockeySB3VecEnv(VecEnv):
         max_episode_steps: steps after which an episode is truncated, or None.
         render_mode: None or `"rgb_array"`.
         render_size: as in `AirHockeyEnv`.
-        **arguments: those of `AirHockeyEnv` and `num_threads`.
+        opponent, **arguments: those of `AirHockeyEnv` and `num_threads`.
     """
 
     def __init__(
         self,
         num_envs: int,
         *,
+        opponent: str | Policy = "striker",
         max_episode_steps: int | None = 1500,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
         **arguments: Any,
     ) -> None:
-        self._game = Game(
-            num_envs, max_episode_steps=max_episode_steps, autoreset=AUTORESET_SAME_STEP, **arguments
-        )
+        self._game = Game(num_envs, max_episode_steps=max_episode_steps, autoreset=AUTORESET_SAME_STEP, **arguments)
         self.render_mode = check_render_mode(render_mode, RENDER_MODES)
-        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": round(self._game.control_hz)}
+        self.metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": round(self._game.control_hz)}
         self._renderer = None if render_mode is None else make_renderer(self._game.spec, render_size)
         self._state = self._game.tables
         self._targets: NDArray[np.float32] | None = None

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 from dataclasses import dataclass
 from numbers import Real
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -55,10 +57,7 @@ class TableSpec:
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, bool) or not isinstance(value, Real) or not -math.inf < value < math.inf:
-                raise ValueError(f"{field.name} must be a finite number, got {value!r}")
-            object.__setattr__(self, field.name, float(value))
+            object.__setattr__(self, field.name, _finite(field.name, getattr(self, field.name)))
         for name in ("length", "width", "goal_width", "puck_radius", "puck_mass", "paddle_radius",
                      "paddle_speed", "paddle_acceleration", "puck_speed"):  # fmt: skip
             if getattr(self, name) <= 0.0:
@@ -94,6 +93,15 @@ class TableSpec:
             )
         if not self.paddle_speed < self.puck_speed:
             raise ValueError(f"puck_speed must be greater than paddle_speed {self.paddle_speed}, got {self.puck_speed}")
+
+
+def _finite(name: str, value: Any) -> float:
+    if isinstance(value, Real) and not isinstance(value, bool):
+        with contextlib.suppress(OverflowError):  # a whole number too great for a float
+            number = float(value)
+            if math.isfinite(number):
+                return number
+    raise ValueError(f"{name} must be a finite number, got {value!r}")
 
 
 FULL_SIZE = TableSpec(

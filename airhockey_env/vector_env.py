@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env.contacts import BatchContacts
 from airhockey_env.env import check_render_mode, draw_row, make_renderer
-from airhockey_env.game import Game, Policy, check_seed
+from airhockey_env.game import Game, Policy, check_opponent, check_seed
 from airhockey_env.records import AUTORESET_DISABLED, AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.tables import TableSpec
@@ -48,7 +48,7 @@ class AirHockeyVectorEnv(VectorEnv):
     Observations, rewards, terminations and truncations are fresh arrays with every step.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {
+    metadata: dict[str, Any] = {  # noqa: RUF012
         "render_modes": list(RENDER_MODES),
         "render_fps": 50,
         "autoreset_mode": AutoresetMode.NEXT_STEP,
@@ -78,7 +78,7 @@ class AirHockeyVectorEnv(VectorEnv):
         self._game = Game(
             num_envs,
             table=table,
-            opponent=opponent,
+            opponent=check_opponent(opponent),
             opponent_skill=opponent_skill,
             continuous=continuous,
             reward=reward,
@@ -155,9 +155,7 @@ class AirHockeyVectorEnv(VectorEnv):
 
     def step(
         self, actions: ArrayLike
-    ) -> tuple[
-        NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]
-    ]:
+    ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Play one control step on every table.
 
         Raises:
@@ -235,7 +233,7 @@ class AirHockeyVectorEnv(VectorEnv):
         }
         infos["_final_info"] = done.copy()
 
-    def _check_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+    def _check_seeds(self, seed: Any) -> list[int | None]:
         if seed is None:
             return [None] * self.num_envs
         if np.ndim(seed) == 0:

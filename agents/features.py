@@ -1,0 +1,48 @@
+"""What the network sees: the observation, and the puck as seen from the paddle.
+
+How a shot leaves depends on millimetres between paddle and puck, which are small differences of large numbers in the
+observation. A fixed linear layer in front of the network computes them at a useful scale; it costs nothing when the
+policy plays, because it is folded into the first layer's weights.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from numpy.typing import NDArray
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+
+from airhockey_env.tables import TableSpec
+
+_DISTANCE_SCALE = 6.0
+"""1/m: a paddle's and a puck's radius together come to about half a unit."""
+
+_SPEED_SCALE = 3.0
+"""Most of the time the puck is far slower than its greatest speed."""
+
+
+def relative_features(spec: TableSpec) -> NDArray[np.float32]:
+    """The (17, 13) matrix from an observation to the features."""
+    matrix = np.zeros((17, 13), np.float32)
+    matrix[range(13), range(13)] = 1.0
+    matrix[10, 10] = matrix[11, 11] = _SPEED_SCALE
+    for row, puck, paddle, half in ((13, 8, 0, 0.5 * spec.length), (14, 9, 1, 0.5 * spec.width)):
+        matrix[row, puck], matrix[row, paddle] = _DISTANCE_SCALE * half, -_DISTANCE_SCALE * half
+    for row, puck, paddle in ((15, 10, 2), (16, 11, 3)):
+        matrix[row, puck], matrix[row, paddle] = spec.puck_speed / spec.paddle_speed, -1.0
+    return matrix
+
+
+class RelativeFeatures(BaseFeaturesExtractor):
+    """The fixed linear layer, for Stable-Baselines3's `features_extractor_class`."""
+
+    matrix: torch.Tensor
+
+    def __init__(self, observation_space: spaces.Box, spec: TableSpec) -> None:
+        matrix = relative_features(spec)
+        super().__init__(observation_space, matrix.shape[0])
+        self.register_buffer("matrix", torch.as_tensor(matrix))
+
+    def forward(self, observations: torch.Tensor) -> torch.Tensor:
+        return observations @ self.matrix.T
