@@ -21,6 +21,8 @@ OPPONENTS = ("idle", "random", "goalie", "striker")
 MAX_EPISODE_STEPS = 1500
 """Of the registered environment."""
 
+TABLES_AT_ONCE = 4096
+
 
 @dataclass(frozen=True)
 class Result:
@@ -88,43 +90,53 @@ def play_points(
 ) -> Result:
     """Play points against a scripted opponent: half of them on the left, half on the right side of the table.
 
-    Every point is played to its end on a table of its own, so that short points are not counted more often.
+    Every point is played to its end on a table of its own, so that short points are not counted more often. If it
+    takes long, a progress bar shows.
 
     Args:
         policy: a callable from float32 observations (N, 13) to actions (N, 2), or a scripted opponent's name.
         opponent: a scripted opponent's name.
         points: how many; rounded up to an even number.
         seed: of the tables.
+
+    Raises:
+        ValueError: an argument is out of range.
     """
+    from tqdm import tqdm
+
+    if points < 1:
+        raise ValueError(f"points must be 1 or more, got {points}")
+    named = policy if isinstance(policy, str) else None
+    asked = None if isinstance(policy, str) else policy
     half = (points + 1) // 2
-    common = {"table": table, "control_hz": control_hz, "max_episode_steps": max_episode_steps}
-    scripted = isinstance(policy, str)
-    left = Game(
-        half, player=policy if scripted else None, opponent=opponent, opponent_skill=opponent_skill,
-        autoreset=AUTORESET_NEXT_STEP, **common,
-    )  # fmt: skip
-    right = Game(
-        half, player=opponent, opponent=policy if scripted else None, autoreset=AUTORESET_NEXT_STEP, **common
-    )
-    right.tables["skill"][:, 0] = opponent_skill
     wins = losses = draws = steps = 0
-    for game, own in ((left, 0), (right, 1)):
-        game.seed([seed * 1_000_003 + 2 * k + own for k in range(half)])
-        game.reset()
-        still = np.zeros((half, 2), np.float32)
-        running = np.ones(half, np.bool_)
-        while running.any():
-            if scripted:
-                actions = still
-            else:
-                seen = game.out.observation if own == 0 else game.out.other_observation
-                actions = game.check_actions(policy(seen))
-            game.step(actions if own == 0 else still, actions if own == 1 else still)
-            ended = running & (game.out.terminated | game.out.truncated)
-            won = game.out.terminated & ((game.out.reward > 0.0) == (own == 0))
-            steps += int(running.sum())
-            wins += int((ended & won).sum())
-            losses += int((ended & game.out.terminated & ~won).sum())
-            draws += int((ended & ~game.out.terminated).sum())
-            running &= ~ended
+    with tqdm(total=2 * half, unit="point", desc=f"against {opponent}", delay=2.0, leave=False, disable=None) as bar:
+        for first in range(0, half, TABLES_AT_ONCE):
+            rows = range(first, min(half, first + TABLES_AT_ONCE))
+            common: dict[str, Any] = {
+                "table": table,
+                "control_hz": control_hz,
+                "max_episode_steps": max_episode_steps,
+                "autoreset": AUTORESET_NEXT_STEP,
+            }
+            left = Game(len(rows), player=named, opponent=opponent, opponent_skill=opponent_skill, **common)
+            right = Game(len(rows), player=opponent, opponent=named, **common)
+            right.tables["skill"][:, 0] = opponent_skill
+            still = np.zeros((len(rows), 2), np.float32)
+            for game, own in ((left, 0), (right, 1)):
+                game.seed([seed * 1_000_003 + 2 * k + own for k in rows])
+                game.reset()
+                running = np.ones(len(rows), np.bool_)
+                while running.any():
+                    seen = game.out.observation if own == 0 else game.out.other_observation
+                    actions = still if asked is None else game.check_actions(asked(seen))
+                    game.step(actions if own == 0 else still, actions if own == 1 else still)
+                    ended = running & (game.out.terminated | game.out.truncated)
+                    won = game.out.terminated & ((game.out.reward > 0.0) == (own == 0))
+                    steps += int(running.sum())
+                    wins += int((ended & won).sum())
+                    losses += int((ended & game.out.terminated & ~won).sum())
+                    draws += int((ended & ~game.out.terminated).sum())
+                    running &= ~ended
+                    bar.update(int(ended.sum()))
     return Result(opponent, wins, losses, draws, steps / (2 * half) / control_hz)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 
-def replace(path: Path, write: Callable[[Path], None]) -> None:
+def replace(path: Path, write: Callable[[Path], object]) -> None:
     """Let `write` make a file beside `path`, then put it in the place of `path` at once."""
     part = path.with_name(f".part-{path.name}")
     try:
@@ -20,9 +21,17 @@ def replace(path: Path, write: Callable[[Path], None]) -> None:
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Write data as indented JSON."""
-    text = json.dumps(data, indent=2) + "\n"
-    replace(path, lambda part: part.write_text(text) and None)
+    """Write data as indented JSON. Numbers that JSON does not have (not a number, infinity) become null."""
+    text = json.dumps(_finite(data), indent=2, allow_nan=False) + "\n"
+    replace(path, lambda part: part.write_text(text))
+
+
+def _finite(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {name: _finite(value) for name, value in data.items()}
+    if isinstance(data, (list, tuple)):
+        return [_finite(value) for value in data]
+    return None if isinstance(data, float) and not math.isfinite(data) else data
 
 
 def read_json(path: Path) -> Any:
@@ -33,5 +42,5 @@ def read_json(path: Path) -> Any:
     """
     try:
         return json.loads(path.read_text())
-    except json.JSONDecodeError as error:
+    except ValueError as error:  # of the text or of its encoding
         raise ValueError(f"{path} is not a JSON file: {error}") from error

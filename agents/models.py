@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import zipfile
 from pathlib import Path
+from typing import Any
 
 from airhockey_env.opponents import SCRIPTED
 from airhockey_env.policy import MlpPolicy
 
 
-def export_policy(model) -> MlpPolicy:  # type: ignore[no-untyped-def]
+def export_policy(model: Any) -> MlpPolicy:
     """The deterministic policy of a Stable-Baselines3 actor-critic with an `MlpPolicy`, without torch."""
     from torch import nn
 
@@ -51,9 +51,24 @@ def load_player(model: str) -> MlpPolicy | str:
         )
     if path.suffix != ".zip":
         return MlpPolicy.load(path)
+    try:
+        return export_policy(load_ppo(path))
+    except AttributeError as error:  # another kind of network
+        raise ValueError(f"{path} does not hold a PPO model of this environment: {error}") from error
+
+
+def load_ppo(path: Path, env: Any = None) -> Any:
+    """A Stable-Baselines3 PPO model. Its file holds pickles, which can run code: open only files you trust.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: the file does not hold such a model.
+    """
     from stable_baselines3 import PPO
 
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no file {path}")
     try:
-        return export_policy(PPO.load(path, device="cpu"))
-    except (zipfile.BadZipFile, ValueError, KeyError, AttributeError) as error:
+        return PPO.load(path, env=env, device="cpu")
+    except Exception as error:  # whatever a damaged file makes of zip, pickle and torch
         raise ValueError(f"{path} does not hold a PPO model of this environment: {error}") from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import datetime
+import math
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,14 +13,16 @@ from typing import Any
 import numpy as np
 import torch
 from stable_baselines3 import PPO
+from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList, ProgressBarCallback
 from stable_baselines3.common.logger import KVWriter, Logger, configure
 from stable_baselines3.common.vec_env import VecMonitor
 
+from agents.checks import check_ranges
 from agents.evaluation import MAX_EPISODE_STEPS, OPPONENTS, play_points
 from agents.features import RelativeFeatures
 from agents.files import read_json, replace, write_json
-from agents.models import export_policy
+from agents.models import export_policy, load_ppo
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import PRESETS
 
@@ -94,7 +97,10 @@ class RunFolder:
 
         Raises:
             FileExistsError: there is a run of that name.
+            ValueError: the name is none that a folder can have.
         """
+        if name is not None and (not name or Path(name).name != name):
+            raise ValueError(f"--name must be a folder's name, got {name!r}")
         path = Path("runs") / (name or f"ppo-{datetime.datetime.now():%Y%m%d-%H%M%S}")
         if (path / "config.json").exists():
             raise FileExistsError(f"{path} holds a run already: choose another --name, or go on with --resume {path}")
@@ -183,14 +189,14 @@ class _Watch(BaseCallback):
         save(self.folder, self.model, self.history)
 
 
-def save(folder: RunFolder, model: PPO, history: dict[str, Any]) -> None:
+def save(folder: RunFolder, model: BaseAlgorithm, history: dict[str, Any]) -> None:
     """Write the model, its policy and the record of the run, each at once or not at all."""
     replace(folder.model, lambda part: _save_zip(model, part))
     export_policy(model).save(folder.policy)
     write_json(folder.evaluations, history)
 
 
-def _save_zip(model: PPO, path: Path) -> None:
+def _save_zip(model: BaseAlgorithm, path: Path) -> None:
     with open(path, "wb") as file:  # a path would get a suffix of its own
         model.save(file)
 
@@ -254,6 +260,7 @@ def train(args: TrainArgs) -> RunFolder:
     Raises:
         ValueError, FileExistsError, FileNotFoundError: an argument does not fit; nothing has been written then.
     """
+    _check(args)
     torch.set_num_threads(args.threads)
     if args.resume is None:
         env = make_env(args)
@@ -264,10 +271,14 @@ def train(args: TrainArgs) -> RunFolder:
         save(folder, model, history)
     else:
         folder = RunFolder.open(args.resume)
-        kept = read_json(folder.config)
-        args = TrainArgs(**{**kept, "steps": max(args.steps, kept["steps"]), "resume": args.resume})
+        try:
+            kept = read_json(folder.config)
+            args = TrainArgs(**{**kept, "steps": max(args.steps, kept["steps"]), "resume": args.resume})
+        except (TypeError, KeyError) as error:
+            raise ValueError(f"{folder.config} does not hold the arguments of a run: {error}") from error
+        _check(args)
         env = make_env(args)
-        model = PPO.load(folder.model, env=env, device="cpu")
+        model = load_ppo(folder.model, env)
         history = read_json(folder.evaluations)
         env.seed(args.seed + model.num_timesteps)  # other serves than the ones that were played
     left = args.steps - model.num_timesteps
@@ -286,6 +297,17 @@ def train(args: TrainArgs) -> RunFolder:
     report(folder, args, history)
     env.close()
     return folder
+
+
+def _check(args: TrainArgs) -> None:
+    """Numbers that no run can have, before anything is written."""
+    most = math.inf
+    check_ranges(
+        args, steps=(1, most), seed=(0, 2**31 - 1), num_envs=(1, most), n_steps=(2, most), batch_size=(2, most),
+        n_epochs=(1, most), learning_rate=(0, 1), gamma=(0, 1), gae_lambda=(0, 1), clip_range=(0, 10),
+        ent_coef=(0, 10), net_width=(1, most), eval_every=(1, most), eval_points=(1, most), report_points=(1, most),
+        threads=(1, 1024), video_seconds=(0, 3600),
+    )  # fmt: skip
 
 
 def report(folder: RunFolder, args: TrainArgs, history: dict[str, Any]) -> None:

@@ -11,24 +11,28 @@ from agents.files import replace
 
 
 def print_results(results: Sequence[Result]) -> None:
-    """Print wins, losses, draws and the win rates with their 95 % Wilson intervals."""
+    """Print wins, losses, draws and the win rates with their 95 % Wilson intervals; fits into 80 columns."""
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(title="Points, half of them on each side of the table")
-    for name in ("opponent", "points", "wins", "losses", "draws", "win rate (95 %)", "of decided (95 %)", "s a point"):
-        table.add_column(name, justify="left" if name == "opponent" else "right")
+    points = results[0].points if results else 0
+    table = Table(title=f"{points} points each, half of them on each side of the table", padding=(0, 1), box=None)
+    for name in ("opponent", "wins", "losses", "draws", "win rate (95 %)", "of decided (95 %)", "s/point"):
+        table.add_column(name, justify="left" if name == "opponent" else "right", no_wrap=True)
     for result in results:
-        low, high = wilson_interval(result.wins, result.points)
-        decided_low, decided_high = wilson_interval(result.wins, result.wins + result.losses)
         table.add_row(
             result.opponent,
-            *(str(number) for number in (result.points, result.wins, result.losses, result.draws)),
-            f"{result.win_rate:.1%} ({low:.1%} to {high:.1%})",
-            f"{result.decided:.1%} ({decided_low:.1%} to {decided_high:.1%})",
+            *(str(number) for number in (result.wins, result.losses, result.draws)),
+            _share(result.wins, result.points),
+            _share(result.wins, result.wins + result.losses),
             f"{result.seconds:.1f}",
         )
     Console().print(table)
+
+
+def _share(wins: int, points: int) -> str:
+    low, high = wilson_interval(wins, points)
+    return f"{wins / points:.1%} ({100 * low:.1f}-{100 * high:.1f})" if points else "none"
 
 
 def draw_training(history: dict[str, Any], opponent: str, path: Path) -> None:
@@ -41,11 +45,18 @@ def draw_training(history: dict[str, Any], opponent: str, path: Path) -> None:
 
     minutes = [row["seconds"] / 60 for row in evaluations]
     axis = axes[0, 0]
+    nan = float("nan")  # what JSON keeps as null
     for key, label, color in (
         ("decided_win_rate", "of decided points", "#e5395b"),
         ("win_rate", "of all points", "#2f6fdd"),
     ):
-        axis.plot(minutes, [row[key] for row in evaluations], color=color, label=label, marker=".")
+        axis.plot(
+            minutes,
+            [nan if row[key] is None else row[key] for row in evaluations],
+            color=color,
+            label=label,
+            marker=".",
+        )
         low, high = zip(*(row[f"{key}_95"] for row in evaluations), strict=True) if evaluations else ((), ())
         axis.fill_between(minutes, low, high, color=color, alpha=0.15, linewidth=0)
     draws = [row["draws"] / row["points"] for row in evaluations]
@@ -55,10 +66,12 @@ def draw_training(history: dict[str, Any], opponent: str, path: Path) -> None:
     axis.legend(frameon=False, loc="upper left")
 
     millions = [row["steps"] / 1e6 for row in updates]
-    seconds = [row["episode_length"] / 50 if "episode_length" in row else float("nan") for row in updates]
+    seconds = [(row.get("episode_length") or nan) / 50 for row in updates]
     axes[0, 1].plot(millions, seconds, color="#2f6fdd")
     axes[0, 1].set(title="Length of a point in training, s", xlabel="million steps")
-    axes[1, 0].plot(millions, [row.get("entropy", float("nan")) for row in updates], color="#2f6fdd")
+    axes[1, 0].plot(
+        millions, [nan if row.get("entropy") is None else row["entropy"] for row in updates], color="#2f6fdd"
+    )
     axes[1, 0].set(title="Entropy of the policy, nats", xlabel="million steps")
     axes[1, 1].plot(millions, _speed(updates), color="#2f6fdd")
     axes[1, 1].set(title="Training speed, thousand steps/s", xlabel="million steps")

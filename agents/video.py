@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
+from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
 from agents.evaluation import MAX_EPISODE_STEPS
@@ -67,6 +69,7 @@ def write_video(path: Path, frames: Iterator[NDArray[np.uint8]], fps: int = 25) 
 
     Raises:
         ValueError: another suffix.
+        gymnasium.error.DependencyNotInstalled: an .mp4 without what writes it.
     """
     if path.suffix not in SUFFIXES:
         raise ValueError(f"a video's name must end in one of {SUFFIXES}, got {path.name!r}")
@@ -87,7 +90,19 @@ def _write_gif(path: Path, frames: Iterator[NDArray[np.uint8]], fps: int) -> Non
 
 
 def _write_mp4(path: Path, frames: Iterator[NDArray[np.uint8]], fps: int) -> None:
-    import imageio.v3 as iio
+    try:
+        from imageio_ffmpeg import write_frames
+    except ImportError as error:
+        raise DependencyNotInstalled(
+            'an .mp4 needs imageio-ffmpeg: pip install -e ".[video]"; a .gif does not'
+        ) from error
 
-    with iio.imopen(path, "w", plugin="FFMPEG", extension=".mp4") as file:
-        file.write(np.stack(list(frames)), fps=fps, codec="libx264", macro_block_size=8)
+    first = next(frames)
+    height, width = (size // 2 * 2 for size in first.shape[:2])  # which the usual colour format needs
+    file = write_frames(path, (width, height), fps=fps, codec="libx264", macro_block_size=1)
+    try:
+        file.send(None)
+        for frame in chain((first,), frames):
+            file.send(np.ascontiguousarray(frame[:height, :width]))
+    finally:
+        file.close()

@@ -62,6 +62,9 @@ class Outputs(NamedTuple):
     observation: NDArray[np.float32]  # (N, 13) of the left players
     other_observation: NDArray[np.float32]  # (N, 13) of the right players, where these come from outside
     final_observation: NDArray[np.float32]  # (N, 13) what an automatic reset in the same step replaced
+    score: NDArray[np.int32]  # (N, 2) left, right
+    final_score: NDArray[np.int32]  # (N, 2) and what
+    final_contacts: NDArray[np.int64]  # (N,) an automatic reset in the same step replaced
     reward: NDArray[np.float64]  # (N,)
     terminated: NDArray[np.bool_]  # (N,)
     truncated: NDArray[np.bool_]  # (N,)
@@ -130,6 +133,9 @@ class Game:
             observation=np.zeros((n, OBSERVATION_SIZE), np.float32),
             other_observation=np.zeros((n if right == EXTERNAL else 0, OBSERVATION_SIZE), np.float32),
             final_observation=np.zeros((n, OBSERVATION_SIZE), np.float32),
+            score=np.zeros((n, 2), np.int32),
+            final_score=np.zeros((n, 2), np.int32),
+            final_contacts=np.zeros(n, np.int64),
             reward=np.zeros(n, np.float64),
             terminated=np.zeros(n, np.bool_),
             truncated=np.zeros(n, np.bool_),

@@ -93,9 +93,8 @@ def step_rows(first, last, tables, physics, settings, actions, others, out):
             out.truncated[i] = truncated
             if table.done and rules.autoreset == AUTORESET_SAME_STEP:
                 observe(table, law, LEFT, out.final_observation, i)
-                table.final_score[0] = table.score[0]
-                table.final_score[1] = table.score[1]
-                table.final_contacts = table.n_contacts
+                out.final_score[i, 0], out.final_score[i, 1] = table.score[0], table.score[1]
+                out.final_contacts[i] = table.n_contacts
                 begin(table, law, 0)
         observe_row(table, law, rules, out, i)
 
@@ -104,6 +103,7 @@ def step_rows(first, last, tables, physics, settings, actions, others, out):
 def observe_row(table, physics, settings, out, i):
     """Write the observations of table i."""
     observe(table, physics, LEFT, out.observation, i)
+    out.score[i, 0], out.score[i, 1] = table.score[0], table.score[1]
     if settings.both_sides:
         observe(table, physics, RIGHT, out.other_observation, i)
 

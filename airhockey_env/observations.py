@@ -42,20 +42,18 @@ def view(table, player):
 def observe(table, physics, player, out, i):
     """Write a player's observation of the table to row i of `out`, (N, 13) float32; see `AirHockeyEnv`."""
     seen = view(table, player)
-    per_x, per_y = 1.0 / physics.half_length, 1.0 / physics.half_width
-    per_paddle, per_puck = 1.0 / physics.paddle_speed, 1.0 / physics.puck_speed
-    out[i, 0] = seen.x * per_x
-    out[i, 1] = seen.y * per_y
-    out[i, 2] = seen.vx * per_paddle
-    out[i, 3] = seen.vy * per_paddle
-    out[i, 4] = seen.other_x * per_x
-    out[i, 5] = seen.other_y * per_y
-    out[i, 6] = seen.other_vx * per_paddle
-    out[i, 7] = seen.other_vy * per_paddle
-    out[i, 8] = seen.puck_x * per_x
-    out[i, 9] = seen.puck_y * per_y
-    out[i, 10] = seen.puck_vx * per_puck
-    out[i, 11] = seen.puck_vy * per_puck
+    out[i, 0] = seen.x * physics.per_x
+    out[i, 1] = seen.y * physics.per_y
+    out[i, 2] = seen.vx * physics.per_paddle
+    out[i, 3] = seen.vy * physics.per_paddle
+    out[i, 4] = seen.other_x * physics.per_x
+    out[i, 5] = seen.other_y * physics.per_y
+    out[i, 6] = seen.other_vx * physics.per_paddle
+    out[i, 7] = seen.other_vy * physics.per_paddle
+    out[i, 8] = seen.puck_x * physics.per_x
+    out[i, 9] = seen.puck_y * physics.per_y
+    out[i, 10] = seen.puck_vx * physics.per_puck
+    out[i, 11] = seen.puck_vy * physics.per_puck
     own_side = table.side < 0 if player == LEFT else table.side > 0
-    used = table.clock / physics.clock_limit
+    used = table.clock * physics.per_clock
     out[i, 12] = used if own_side else -used

@@ -42,6 +42,11 @@ PHYSICS = np.dtype(
         ("paddle_speed", np.float64),  # m/s, greatest
         ("paddle_step", np.float64),  # m/s, greatest change of a paddle's velocity in a tick
         ("clock_limit", np.int32),  # ticks
+        ("per_x", np.float64),  # scales of the observation: 1/m
+        ("per_y", np.float64),
+        ("per_paddle", np.float64),  # s/m
+        ("per_puck", np.float64),
+        ("per_clock", np.float64),  # 1/ticks
     ],
     align=True,
 )
@@ -50,20 +55,18 @@ TABLE = np.dtype(
     [
         ("position", np.float64, (3, 2)),  # m: left paddle, right paddle, puck
         ("velocity", np.float64, (3, 2)),  # m/s
-        ("hits", np.int32, (3,)),  # the engine's count of contacts in the tick
-        ("n_contacts", np.int32),  # in the last step
         ("stream", np.uint64),  # state of the table's own random stream
+        ("n_contacts", np.int64),  # in the last step
+        ("hits", np.int32, (3,)),  # the engine's count of contacts in the tick
         ("steps", np.int32),  # so far in the episode
         ("clock", np.int32),  # ticks since the puck came to the side that it is on
         ("side", np.int8),  # that side: -1 left, +1 right
         ("done", np.bool_),  # the episode is over and the next has not begun
         ("player", np.int8, (2,)),  # who drives the left and the right paddle, see opponents
-        ("final_contacts", np.int32),  # what an automatic reset in the same step replaced; this and the next
-        ("final_score", np.int32, (2,)),
+        ("score", np.int32, (2,)),  # points: left, right
         ("skill", np.float64, (2,)),  # share of its speed that a scripted player uses
         ("plan", np.float64),  # 0 to 1, drawn when the puck changes sides: how a scripted player shoots
         ("wander", np.float64, (2, 2)),  # the present actions of players that wander
-        ("score", np.int32, (2,)),  # points: left, right
         ("potential", np.float64),  # of the shaped reward, in this state
     ],
     align=True,
@@ -105,4 +108,9 @@ def physics_record(spec: TableSpec, control_hz: float) -> NDArray[np.void]:
     row["paddle_speed"] = spec.paddle_speed
     row["paddle_step"] = spec.paddle_acceleration * tick
     row["clock_limit"] = round(SHOT_CLOCK * control_hz)
+    row["per_x"] = 2.0 / spec.length
+    row["per_y"] = 2.0 / spec.width
+    row["per_paddle"] = 1.0 / spec.paddle_speed
+    row["per_puck"] = 1.0 / spec.puck_speed
+    row["per_clock"] = 1.0 / float(row["clock_limit"])
     return physics

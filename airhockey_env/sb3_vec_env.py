@@ -50,7 +50,13 @@ class AirHockeySB3VecEnv(VecEnv):
         render_size: tuple[int, int] | None = None,
         **arguments: Any,
     ) -> None:
-        self._game = Game(num_envs, max_episode_steps=max_episode_steps, autoreset=AUTORESET_SAME_STEP, **arguments)
+        self._game = Game(
+            num_envs,
+            opponent=check_opponent(opponent),
+            max_episode_steps=max_episode_steps,
+            autoreset=AUTORESET_SAME_STEP,
+            **arguments,
+        )
         self.render_mode = check_render_mode(render_mode, RENDER_MODES)
         self.metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": round(self._game.control_hz)}
         self._renderer = None if render_mode is None else make_renderer(self._game.spec, render_size)
@@ -127,7 +133,7 @@ class AirHockeySB3VecEnv(VecEnv):
         dones = out.terminated | out.truncated
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for i in np.flatnonzero(dones):
-            score = self._state["final_score"][i].copy()
+            score = out.final_score[i].copy()
             infos[i] = {
                 "terminal_observation": out.final_observation[i].copy(),
                 "TimeLimit.truncated": bool(out.truncated[i]),

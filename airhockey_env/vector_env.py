@@ -193,7 +193,7 @@ class AirHockeyVectorEnv(VectorEnv):
     def _infos(self, mask: NDArray[np.bool_] | None) -> dict[str, Any]:
         """Infos of all tables, or of those of the mask."""
         present = np.ones(self.num_envs, np.bool_) if mask is None else mask
-        score = self._state["score"].copy()
+        score = self._game.out.score.copy()
         if mask is None and self.autoreset_mode != AutoresetMode.SAME_STEP:
             success = self._game.out.terminated & (score[:, 0] > score[:, 1])
         else:
@@ -216,7 +216,7 @@ class AirHockeyVectorEnv(VectorEnv):
             return
         rows = np.flatnonzero(done)
         score = np.zeros((self.num_envs, 2), np.int32)
-        score[rows] = self._state["final_score"][rows]
+        score[rows] = out.final_score[rows]
         observations = np.full(self.num_envs, None, dtype=object)
         finals = out.final_observation[rows]  # fancy indexing: a copy
         for row, final in zip(rows, finals, strict=True):
@@ -226,7 +226,7 @@ class AirHockeyVectorEnv(VectorEnv):
         infos["final_info"] = {
             "score": score,
             "_score": done.copy(),
-            "contacts": BatchContacts(self._contacts, np.where(done, self._state["final_contacts"], 0), self._age),
+            "contacts": BatchContacts(self._contacts, np.where(done, out.final_contacts, 0), self._age),
             "_contacts": done.copy(),
             "is_success": out.terminated & (score[:, 0] > score[:, 1]),
             "_is_success": done.copy(),

@@ -158,7 +158,9 @@ def benchmark(args: BenchmarkArgs) -> dict[str, Any]:
     measures = [
         batch_measure(f"batch of {args.num_envs}, one core", args.num_envs, num_threads=1),
         batch_measure(f"batch of {args.num_envs}, all cores", args.num_envs),
-        batch_measure(f"batch of {args.num_envs}, one core, idle opponent", args.num_envs, num_threads=1, opponent="idle"),
+        batch_measure(
+            f"batch of {args.num_envs}, one core, idle opponent", args.num_envs, num_threads=1, opponent="idle"
+        ),
         batch_measure(f"batch of {args.num_envs}, one core, shaped", args.num_envs, num_threads=1, reward="shaped"),
         single_measure("gym.make, one table", gym.make("AirHockey-v0")),
         single_measure("one table without wrappers", gym.make("AirHockey-v0").unwrapped),

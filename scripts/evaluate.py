@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
+from agents.checks import check_ranges
 from agents.evaluation import OPPONENTS, play_points
 from agents.files import write_json
 from agents.models import load_player
 from agents.report import print_results
+from scripts._command import run_command
 
 
 @dataclass(frozen=True)
@@ -41,16 +42,13 @@ def evaluate(args: EvaluateArgs) -> None:
     Raises:
         ValueError, OSError: an argument does not fit.
     """
-    if args.episodes < 1:
-        raise ValueError(f"--episodes must be 1 or more, got {args.episodes}")
+    check_ranges(args, episodes=(1, 10**8), opponent_skill=(0, 1), seed=(0, 10**9))
     if args.json is not None and not args.json.parent.is_dir():
         raise FileNotFoundError(f"--json must name a file in a folder that exists, got {args.json}")
     player = load_player(args.model)
     names = OPPONENTS if args.opponent == "all" else (args.opponent,)
     results = [
-        play_points(
-            player, name, args.episodes, seed=args.seed, opponent_skill=args.opponent_skill, table=args.table
-        )
+        play_points(player, name, args.episodes, seed=args.seed, opponent_skill=args.opponent_skill, table=args.table)
         for name in names
     ]
     print_results(results)
@@ -60,10 +58,7 @@ def evaluate(args: EvaluateArgs) -> None:
 
 def main() -> None:
     """Read the command line and evaluate."""
-    try:
-        evaluate(tyro.cli(EvaluateArgs, prog="python -m scripts.evaluate"))
-    except (ValueError, OSError) as error:
-        sys.exit(f"evaluate: {error}")
+    run_command("evaluate", EvaluateArgs, evaluate)
 
 
 if __name__ == "__main__":

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import tyro
+from tqdm import tqdm
 
+from agents.checks import check_ranges
 from agents.models import load_player
 from agents.video import SUFFIXES, frames_of_play, write_video
+from scripts._command import run_command
 
 
 @dataclass(frozen=True)
@@ -47,10 +49,7 @@ def record(args: RecordArgs) -> None:
         raise ValueError(f"--out must end in one of {SUFFIXES}, got {args.out.name!r}")
     if not args.out.parent.is_dir():
         raise FileNotFoundError(f"--out must lie in a folder that exists, got {args.out}")
-    if not 1 <= args.fps <= 50:
-        raise ValueError(f"--fps must be from 1 to 50, got {args.fps}")
-    if not args.seconds > 0:
-        raise ValueError(f"--seconds must be greater than 0, got {args.seconds}")
+    check_ranges(args, fps=(1, 50), seconds=(0.1, 3600), width=(32, 4096), height=(32, 4096), seed=(0, 10**9))
     frames = frames_of_play(
         load_player(args.model),
         load_player(args.opponent),
@@ -60,16 +59,16 @@ def record(args: RecordArgs) -> None:
         size=(args.width, args.height),
         table=args.table,
     )
-    write_video(args.out, frames, args.fps)
+    number = round(args.seconds * args.fps)
+    write_video(
+        args.out, iter(tqdm(frames, total=number, unit="frame", delay=1.0, leave=False, disable=None)), args.fps
+    )
     print(f"{args.out}: {args.seconds:g} s of play")
 
 
 def main() -> None:
     """Read the command line and record."""
-    try:
-        record(tyro.cli(RecordArgs, prog="python -m scripts.record_video"))
-    except (ValueError, OSError) as error:
-        sys.exit(f"record_video: {error}")
+    run_command("record_video", RecordArgs, record)
 
 
 if __name__ == "__main__":

@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-import sys
-
-import tyro
-
 from agents.ppo import TrainArgs, train
+from scripts._command import run_command
 
 
 def main() -> None:
     """Read the command line and train."""
-    args = tyro.cli(TrainArgs, prog="python -m scripts.train_ppo")
-    try:
-        train(args)
-    except (ValueError, OSError) as error:
-        sys.exit(f"train_ppo: {error}")
+    run_command("train_ppo", TrainArgs, train)
 
 
 if __name__ == "__main__":

@@ -52,7 +52,8 @@ def glide(discs, a, p, q, r, s, greatest):
     vx, vy = discs.velocity[a, 0], discs.velocity[a, 1]
     speed = math.sqrt(vx * vx + vy * vy)
     if speed > 0.0:
-        after = min(max(0.0, (p * speed - q) / (r * speed + s)), greatest)
-        share = after / speed
+        share = max(0.0, p * speed - q) / ((r * speed + s) * speed)
+        if share * speed > greatest:
+            share = greatest / speed
         discs.velocity[a, 0] = vx * share
         discs.velocity[a, 1] = vy * share

@@ -1,0 +1,276 @@
+"""One game behind every face: the same seeds and actions give the same bits."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode
+
+from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv
+from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
+from airhockey_env.tables import FULL_SIZE
+from tests.faces import IDS, pursue, random_actions, same
+
+MODES = list(AutoresetMode)
+VARIANTS = [
+    {},
+    {"reward": "shaped"},
+    {"continuous": False},
+    {"table": "challenge", "control_hz": 24, "opponent": "goalie"},
+    {"table": "ideal", "reward": "shaped", "continuous": False, "opponent": "random"},
+    {"opponent": pursue, "table": dataclasses.replace(FULL_SIZE, puck_speed=20.0)},
+    {"opponent_skill": 0.3, "control_hz": 120.5},
+]
+
+# A puck past the idle opponent's paddle that is in the goal in the second step at 50 Hz.
+SHOT = {"puck_position": (1.0, 0.1), "puck_velocity": (5.0, 0.0)}
+# One past the own paddle, on every table that is played here.
+OWN_GOAL = {"puck_position": (-0.9, 0.085), "puck_velocity": (-5.0, 0.0)}
+
+
+def actions_for(envs, observations, drawn):
+    """Drawn actions, with the puck chased half of the time so that there are goals."""
+    chase = np.arange(len(observations)) % 2 == 0
+    if isinstance(envs.single_action_space, gym.spaces.Discrete):
+        angle = np.arctan2(*(observations[:, 9:7:-1] - observations[:, 1::-1]).T)
+        return np.where(chase, 1 + np.round(angle / (np.pi / 4)).astype(int) % 8, drawn)
+    return np.where(chase[:, None], pursue(observations), drawn)
+
+
+def as_gymnasium_has_it(infos, num_envs):
+    """Infos with the contacts as an object array that holds None where the mask says that there is nothing."""
+    plain = dict(infos)
+    for key, value in infos.items():
+        if key == "contacts":
+            plain[key] = np.full(num_envs, None, dtype=object)
+            for i in np.flatnonzero(infos["_contacts"]):
+                plain[key][i] = value[i]
+        elif isinstance(value, dict):
+            plain[key] = as_gymnasium_has_it(value, num_envs)
+    return plain
+
+
+def play(envs, steps, seed):
+    """Everything that a vector environment returns, step after step; resets by mask where it does not by itself."""
+    observations, infos = envs.reset(seed=seed, options=dict(OWN_GOAL))
+    yield observations, as_gymnasium_has_it(infos, envs.num_envs)
+    discrete = isinstance(envs.single_action_space, gym.spaces.Discrete)
+    for drawn in random_actions(seed, steps, envs.num_envs, continuous=not discrete):
+        result = envs.step(actions_for(envs, observations, drawn))
+        observations, rewards, terminated, truncated, infos = result
+        # Gymnasium's TimeLimit calls a goal in the very last step a truncation too; the package does not.
+        yield observations, rewards, terminated, truncated & ~terminated, as_gymnasium_has_it(infos, envs.num_envs)
+        done = terminated | truncated
+        if envs.metadata["autoreset_mode"] == AutoresetMode.DISABLED and done.any():
+            observations, infos = envs.reset(options={"reset_mask": done.copy()})
+            yield observations, as_gymnasium_has_it(infos, envs.num_envs)
+
+
+@pytest.mark.parametrize("arguments", VARIANTS, ids=str)
+@pytest.mark.parametrize("mode", MODES, ids=str)
+@pytest.mark.parametrize("name", IDS)
+def test_native_batch_is_gymnasiums_batch_of_single_environments(name, mode, arguments):
+    n, steps, limit = 4, 700, 160
+    native = gym.make_vec(name, num_envs=n, autoreset_mode=mode, max_episode_steps=limit, **arguments)
+    sync = gym.make_vec(
+        name, num_envs=n, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode},
+        max_episode_steps=limit, **arguments,
+    )  # fmt: skip
+    assert isinstance(native.unwrapped, AirHockeyVectorEnv) and isinstance(sync.unwrapped, gym.vector.SyncVectorEnv)
+    terminations = truncations = contacts = 0
+    for ours, theirs in zip(play(native, steps, 11), play(sync, steps, 11), strict=True):
+        assert same(ours, theirs)
+        if len(ours) == 5:
+            terminations += ours[2].sum()
+            truncations += ours[3].sum()
+        contacts += sum(len(one) for one in ours[-1]["contacts"] if one is not None)
+    assert min(terminations, truncations) > 0 and contacts > 50
+    sync.close()
+
+
+@pytest.mark.parametrize("arguments", VARIANTS, ids=str)
+def test_gym_make_is_a_row_of_the_batch(arguments):
+    n = 3
+    envs = gym.make_vec("AirHockey-v0", num_envs=n, **arguments)
+    singles = [gym.make("AirHockey-v0", **arguments) for _ in range(n)]
+    drawn = random_actions(4, 500, n, arguments.get("continuous", True))
+    observations, _ = envs.reset(seed=21)
+    over = np.zeros(n, bool)
+    assert same(observations, np.stack([env.reset(seed=21 + i)[0] for i, env in enumerate(singles)]))
+    for step in range(500):
+        actions = actions_for(envs, observations, drawn[step])
+        observations, rewards, terminated, truncated, _ = envs.step(actions)
+        for i, env in enumerate(singles):
+            if over[i]:
+                expected = (env.reset()[0], 0.0, False, False)
+            else:
+                expected = env.step(actions[i])[:4]
+            assert same((observations[i], *(float(x[i]) for x in (rewards, terminated, truncated))),
+                        (expected[0], *map(float, expected[1:])))  # fmt: skip
+        assert (envs.unwrapped.positions == np.stack([env.unwrapped.positions for env in singles])).all()
+        assert (envs.unwrapped.velocities == np.stack([env.unwrapped.velocities for env in singles])).all()
+        over = terminated | truncated
+    envs.close()
+
+
+@pytest.mark.parametrize("arguments", VARIANTS, ids=str)
+def test_stable_baselines_batch_is_the_same_step_batch(arguments):
+    n, limit = 5, 120
+    envs = gym.make_vec(
+        "AirHockey-v0", num_envs=n, autoreset_mode="SameStep", max_episode_steps=limit, **arguments
+    )
+    sb3 = AirHockeySB3VecEnv(n, max_episode_steps=limit, **arguments)
+    sb3.seed(5)
+    observations, _ = envs.reset(seed=5)
+    assert same(sb3.reset(), observations)
+    ended = 0
+    for drawn in random_actions(6, 500, n, arguments.get("continuous", True)):
+        actions = actions_for(envs, observations, drawn)
+        observations, rewards, terminated, truncated, infos = envs.step(actions)
+        seen, earned, dones, details = sb3.step(actions)
+        assert same((seen, earned, dones), (observations, rewards.astype(np.float32), terminated | truncated))
+        for i, detail in enumerate(details):
+            if not dones[i]:
+                assert detail == {}
+                continue
+            ended += 1
+            final = infos["final_info"]
+            assert same(detail.pop("terminal_observation"), infos["final_obs"][i])
+            assert same(detail.pop("score"), final["score"][i])
+            assert detail == {"TimeLimit.truncated": truncated[i], "is_success": final["is_success"][i]}
+    assert ended > n
+
+
+def fingerprint(n, threads, rows, **arguments):
+    """A hash of all that the first `rows` of `n` tables return."""
+    envs = AirHockeyVectorEnv(n, num_threads=threads, max_episode_steps=40, autoreset_mode="SameStep", **arguments)
+    digest = hashlib.sha256(envs.reset(seed=99)[0][:rows].tobytes())
+    for drawn in random_actions(7, 90, 5000, arguments.get("continuous", True)):
+        observations, rewards, terminated, truncated, infos = envs.step(drawn[:n])
+        final = infos.get("final_info", {"score": np.zeros((n, 2), np.int32)})
+        for array in (observations, rewards, terminated, truncated, infos["score"], final["score"]):
+            digest.update(array[:rows].tobytes())
+    digest.update(envs.get_state()[:rows].tobytes())
+    return digest.hexdigest()
+
+
+@pytest.mark.parametrize("arguments", [{}, {"reward": "shaped", "continuous": False, "opponent": pursue}], ids=str)
+def test_neither_batch_size_nor_threads_matter(arguments):
+    for rows, batches in ((1, (1, 7, 1500, 5000)), (7, (7, 1500, 5000)), (1500, (1500, 5000)), (5000, (5000,))):
+        sizes = [(n, threads) for n in batches for threads in ((1, 2, 3) if n > 1000 else (1, 3))]
+        assert len({fingerprint(n, threads, rows, **arguments) for n, threads in sizes}) == 1
+
+
+def test_the_order_of_the_tables_does_not_matter():
+    order = np.random.default_rng(0).permutation(50)
+    straight, shuffled = AirHockeyVectorEnv(50), AirHockeyVectorEnv(50)
+    first, _ = straight.reset(seed=list(range(50)))
+    second, _ = shuffled.reset(seed=order.tolist())
+    assert same(first[order], second)
+    for actions in random_actions(1, 200, 50):
+        ours, theirs = straight.step(actions), shuffled.step(actions[order])
+        assert all(same(one[order], other) for one, other in zip(ours[:4], theirs[:4], strict=True))
+
+
+# Ends of episodes
+
+
+@pytest.mark.parametrize("name", IDS)
+@pytest.mark.parametrize(("asked", "limit"), [({}, None), ({"max_episode_steps": 23}, 23)])
+def test_make_vec_passes_the_time_limit(name, asked, limit):
+    limit = limit or gym.spec(name).max_episode_steps
+    envs = gym.make_vec(name, num_envs=2, opponent="idle", **asked)
+    envs.reset(seed=0)
+    still = np.zeros((2, 2), np.float32)
+    for step in range(1, limit + 1):
+        _, _, terminated, truncated, _ = envs.step(still)
+        assert truncated.tolist() == [step == limit] * 2
+        assert not terminated.any()
+
+
+@pytest.mark.parametrize(("limit", "terminates"), [(1, False), (2, True), (3, True), (None, True)])
+def test_a_goal_in_the_last_step_terminates_and_is_no_truncation(limit, terminates):
+    still = np.zeros(2, np.float32)
+    single = AirHockeyEnv(opponent="idle", max_episode_steps=limit)
+    batch = AirHockeyVectorEnv(2, opponent="idle", max_episode_steps=limit)
+    same_step = AirHockeyVectorEnv(2, opponent="idle", max_episode_steps=limit, autoreset_mode="SameStep")
+    sb3 = AirHockeySB3VecEnv(2, opponent="idle", max_episode_steps=limit)
+    sb3.set_options(SHOT)
+    sb3.reset()
+    for env in (single, batch, same_step):
+        env.reset(seed=0, options=SHOT)
+    for _ in range(2 if terminates else 1):
+        _, reward, terminated, truncated, info = single.step(still)
+        _, rewards, terminations, truncations, infos = batch.step(np.zeros((2, 2)))
+        *_, final = same_step.step(np.zeros((2, 2)))
+        _, earned, dones, details = sb3.step(np.zeros((2, 2)))
+    assert (reward, terminated, truncated, info["is_success"]) == (float(terminates), terminates, not terminates, terminates)
+    assert rewards.tolist() == earned.tolist() == [reward] * 2
+    assert terminations.tolist() == infos["is_success"].tolist() == [terminates] * 2
+    assert truncations.tolist() == [not terminates] * 2
+    assert dones.all()
+    assert final["final_info"]["is_success"].tolist() == [terminates] * 2
+    assert [detail["is_success"] for detail in details] == [terminates] * 2
+    assert [detail["TimeLimit.truncated"] for detail in details] == [not terminates] * 2
+
+
+def test_gym_makes_time_limit_keeps_a_goal_in_the_last_step():
+    env = gym.make("AirHockey-v0", opponent="idle", max_episode_steps=2)
+    env.reset(seed=0, options=SHOT)
+    assert env.step(np.zeros(2, np.float32))[1:4] == (0.0, False, False)
+    _, reward, terminated, _, info = env.step(np.zeros(2, np.float32))
+    assert (reward, terminated, info["is_success"]) == (1.0, True, True)
+
+
+# Resets of some tables
+
+
+def test_reset_mask_touches_the_masked_tables_only():
+    envs = AirHockeyVectorEnv(4, autoreset_mode="Disabled")
+    envs.reset(seed=1)
+    for actions in random_actions(2, 60, 4):
+        before, *_ = envs.step(actions)
+    state = envs.get_state()
+    mask = np.array([True, False, True, False])
+    options = {"reset_mask": mask, "serve": "right"}
+    after, infos = envs.reset(seed=[5, None, None, 7], options=options)
+    assert set(options) == {"reset_mask", "serve"} and mask.tolist() == [True, False, True, False]
+    assert (envs.get_state()[~mask] == state[~mask]).all()
+    assert same(after[~mask], before[~mask])
+    assert (after[mask, 8] > 0.0).all() and (after[mask][:, [2, 3, 10, 11]] == 0.0).all()
+    for key in ("score", "contacts", "is_success"):
+        assert infos[f"_{key}"].tolist() == mask.tolist()
+    fresh = AirHockeyEnv()
+    assert same(after[0], fresh.reset(seed=5, options={"serve": "right"})[0])
+
+
+def test_tables_that_never_began_are_not_played():
+    envs = AirHockeyVectorEnv(3)
+    actions = np.zeros((3, 2))
+    for _ in range(2):
+        envs.reset(seed=3, options={"reset_mask": np.array([True, False, False])})
+        with pytest.raises(ResetNeeded):
+            envs.step(actions)
+    envs.reset(options={"reset_mask": np.array([False, True, True])})
+    streams = envs.get_state()["stream"]
+    assert len(set(streams.tolist())) == 3
+    observations, *_ = envs.step(actions)
+    assert (np.abs(observations[:, 0]) > 0.5).all()
+
+
+def test_stable_baselines_options_are_for_each_table():
+    sb3 = AirHockeySB3VecEnv(3)
+    sb3.seed(4)
+    sb3.set_options([{"serve": "left"}, {"serve": "right"}, {"puck_position": (0.0, 0.3)}])
+    first = sb3.reset()
+    assert first[0, 8] < 0.0 < first[1, 8] and first[2, 8] == 0.0
+    single = AirHockeyEnv()
+    assert same(first[1], single.reset(seed=5, options={"serve": "right"})[0])
+    sb3.seed(4)
+    sb3.reset()  # options were for one reset only
+    assert (sb3.positions[2, 2] != (0.0, 0.3)).all()
