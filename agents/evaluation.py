@@ -74,7 +74,9 @@ def wilson_interval(successes: int, trials: int, z: float = 1.959963984540054) -
     centre = share + z**2 / (2 * trials)
     spread = z * math.sqrt(share * (1 - share) / trials + z**2 / (4 * trials**2))
     scale = 1 + z**2 / trials
-    return max(0.0, (centre - spread) / scale), min(1.0, (centre + spread) / scale)
+    low = (centre - spread) / scale if successes > 0 else 0.0  # exactly, not but for rounding
+    high = (centre + spread) / scale if successes < trials else 1.0
+    return low, high
 
 
 def play_points(

@@ -267,31 +267,32 @@ def train(args: TrainArgs) -> RunFolder:
         model = make_model(args, env)
         folder = RunFolder.create(args.name)
         history: dict[str, Any] = {"evaluations": [], "updates": [], "report": []}
-        write_json(folder.config, dataclasses.asdict(args))
         save(folder, model, history)
+        write_json(folder.config, dataclasses.asdict(args))  # last: what has it can be resumed
     else:
         folder = RunFolder.open(args.resume)
         try:
-            kept = read_json(folder.config)
+            kept, history = read_json(folder.config), read_json(folder.evaluations)
             args = TrainArgs(**{**kept, "steps": max(args.steps, kept["steps"]), "resume": args.resume})
+            history = {name: history[name] for name in ("evaluations", "updates", "report")}
         except (TypeError, KeyError) as error:
-            raise ValueError(f"{folder.config} does not hold the arguments of a run: {error}") from error
+            raise ValueError(f"{folder.path} cannot be resumed, its files do not fit: {error}") from error
         _check(args)
         env = make_env(args)
         model = load_ppo(folder.model, env)
-        history = read_json(folder.evaluations)
         env.seed(args.seed + model.num_timesteps)  # other serves than the ones that were played
     left = args.steps - model.num_timesteps
     clock = _Clock(history["updates"][-1]["seconds"] if history["updates"] else 0.0)
     watch = _Watch(folder, args, history, clock)
     model.set_logger(_logger(folder, _Records(history["updates"], clock)))
     print(f"{folder.path}: {max(left, 0):,} steps against {args.opponent}. Ctrl-C stops early and keeps everything.")
+    bar = ProgressBarCallback()
     try:
         if left > 0:
-            model.learn(
-                left, callback=CallbackList([watch, ProgressBarCallback()]), reset_num_timesteps=args.resume is None
-            )
+            model.learn(left, callback=CallbackList([watch, bar]), reset_num_timesteps=args.resume is None)
     except KeyboardInterrupt:
+        if hasattr(bar, "pbar"):
+            bar.pbar.close()  # or it would go on drawing over the report
         print(f"\nStopped. Go on with: python -m scripts.train_ppo --resume {folder.path}")
     save(folder, model, history)
     report(folder, args, history)

@@ -84,7 +84,7 @@ class MlpPolicy:
             ValueError: the file does not hold a policy.
         """
         try:
-            with np.load(path, allow_pickle=False) as file:
+            with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
                 layers = range(sum(name.startswith("weight_") for name in file.files))
                 weights = [file[f"weight_{k}"] for k in layers]
                 biases = [file[f"bias_{k}"] for k in layers]

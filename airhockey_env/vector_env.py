@@ -144,10 +144,10 @@ class AirHockeyVectorEnv(VectorEnv):
         seeds = self._check_seeds(seed)
         super().reset(seed=int(seed) if isinstance(seed, (int, np.integer)) else None)
         seeds = [given if chosen else None for given, chosen in zip(seeds, mask, strict=True)]
-        if not self._seeded:
+        if not self._seeded and None in seeds:
             fresh = self.np_random.integers(2**63, size=self.num_envs).tolist()
             seeds = [drawn if given is None else given for given, drawn in zip(seeds, fresh, strict=True)]
-            self._seeded = True
+        self._seeded = True
         self._game.seed(seeds)
         self._game.reset(np.flatnonzero(mask), checked)
         self._age[0] += 1

@@ -38,7 +38,9 @@ def random_actions(seed: int, steps: int, num_envs: int, continuous: bool = True
 def same(first: Any, second: Any) -> bool:
     """Whether two results are alike to the bit: arrays (types included), infos, and what they hold."""
     if isinstance(first, dict):
-        return isinstance(second, dict) and first.keys() == second.keys() and all(same(first[k], second[k]) for k in first)
+        return (
+            isinstance(second, dict) and first.keys() == second.keys() and all(same(first[k], second[k]) for k in first)
+        )
     if isinstance(first, (tuple, list)):
         return type(first) is type(second) and len(first) == len(second) and all(map(same, first, second))
     if isinstance(first, np.ndarray) and first.dtype == object:

@@ -203,7 +203,9 @@ def _check(table, physics, contacts, served, speed_before, seen, tally):
         gap = min(gap, math.sqrt(dx * dx + dy * dy) - physics.radius[player] - r)
         forward = 1.0 if player == LEFT else -1.0
         ahead, radius = forward * p[player, 0], physics.radius[player]
-        out = max(ahead + radius, -ahead + radius - physics.half_length, abs(p[player, 1]) + radius - physics.half_width)
+        out = max(
+            ahead + radius, -ahead + radius - physics.half_length, abs(p[player, 1]) + radius - physics.half_width
+        )
         tally[0] = max(tally[0], out)
         if out > OVERLAP:
             return CONFINED
@@ -265,9 +267,7 @@ def _play(tables, physics, settings, modes, whims, steps, before, tally):
             before[0] = table
             speed = math.sqrt(table.velocity[PUCK, 0] ** 2 + table.velocity[PUCK, 1] ** 2)
             score, clock = table.score[0] + table.score[1], table.clock
-            step_table(
-                table, law, settings[0], actions[0, 0], actions[0, 1], actions[1, 0], actions[1, 1], contacts
-            )
+            step_table(table, law, settings[0], actions[0, 0], actions[0, 1], actions[1, 0], actions[1, 1], contacts)
             table.done = False
             served = table.score[0] + table.score[1] != score or (clock == law.clock_limit and table.clock == 0)
             failure = _check(table, law, contacts, served, speed, seen, tally)

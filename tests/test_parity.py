@@ -106,10 +106,7 @@ def test_gym_make_is_a_row_of_the_batch(arguments):
         actions = actions_for(envs, observations, drawn[step])
         observations, rewards, terminated, truncated, _ = envs.step(actions)
         for i, env in enumerate(singles):
-            if over[i]:
-                expected = (env.reset()[0], 0.0, False, False)
-            else:
-                expected = env.step(actions[i])[:4]
+            expected = (env.reset()[0], 0.0, False, False) if over[i] else env.step(actions[i])[:4]
             assert same((observations[i], *(float(x[i]) for x in (rewards, terminated, truncated))),
                         (expected[0], *map(float, expected[1:])))  # fmt: skip
         assert (envs.unwrapped.positions == np.stack([env.unwrapped.positions for env in singles])).all()
@@ -121,9 +118,7 @@ def test_gym_make_is_a_row_of_the_batch(arguments):
 @pytest.mark.parametrize("arguments", VARIANTS, ids=str)
 def test_stable_baselines_batch_is_the_same_step_batch(arguments):
     n, limit = 5, 120
-    envs = gym.make_vec(
-        "AirHockey-v0", num_envs=n, autoreset_mode="SameStep", max_episode_steps=limit, **arguments
-    )
+    envs = gym.make_vec("AirHockey-v0", num_envs=n, autoreset_mode="SameStep", max_episode_steps=limit, **arguments)
     sb3 = AirHockeySB3VecEnv(n, max_episode_steps=limit, **arguments)
     sb3.seed(5)
     observations, _ = envs.reset(seed=5)
@@ -209,7 +204,12 @@ def test_a_goal_in_the_last_step_terminates_and_is_no_truncation(limit, terminat
         _, rewards, terminations, truncations, infos = batch.step(np.zeros((2, 2)))
         *_, final = same_step.step(np.zeros((2, 2)))
         _, earned, dones, details = sb3.step(np.zeros((2, 2)))
-    assert (reward, terminated, truncated, info["is_success"]) == (float(terminates), terminates, not terminates, terminates)
+    assert (reward, terminated, truncated, info["is_success"]) == (
+        float(terminates),
+        terminates,
+        not terminates,
+        terminates,
+    )
     assert rewards.tolist() == earned.tolist() == [reward] * 2
     assert terminations.tolist() == infos["is_success"].tolist() == [terminates] * 2
     assert truncations.tolist() == [not terminates] * 2
@@ -231,7 +231,7 @@ def test_gym_makes_time_limit_keeps_a_goal_in_the_last_step():
 
 
 def test_reset_mask_touches_the_masked_tables_only():
-    envs = AirHockeyVectorEnv(4, autoreset_mode="Disabled")
+    envs = AirHockeyVectorEnv(4, autoreset_mode="Disabled", opponent="idle")
     envs.reset(seed=1)
     for actions in random_actions(2, 60, 4):
         before, *_ = envs.step(actions)

@@ -44,7 +44,7 @@ def pixel(renderer: Renderer, frame: np.ndarray, position: np.ndarray) -> np.nda
 # Rasteriser
 
 
-@pytest.mark.parametrize("x, y", [(24.0, 20.0), (24.5, 19.5), (23.3, 20.7)])
+@pytest.mark.parametrize(("x", "y"), [(24.0, 20.0), (24.5, 19.5), (23.3, 20.7)])
 @pytest.mark.parametrize("radius", [2.0, 5.3, 12.0])
 def test_disc_covers_its_area_and_balances_on_its_centre(x: float, y: float, radius: float) -> None:
     image = canvas()
@@ -105,7 +105,7 @@ def test_alpha_blends_exactly_at_both_ends() -> None:
     assert tuple(image[4, 4]) == (130, 50, 83)
 
 
-@pytest.mark.parametrize("x, y", [(-3.0, 5.0), (48.0, 40.0), (24.0, -1.0), (1e300, 20.0), (-1e9, -1e9)])
+@pytest.mark.parametrize(("x", "y"), [(-3.0, 5.0), (48.0, 40.0), (24.0, -1.0), (1e300, 20.0), (-1e9, -1e9)])
 def test_shapes_over_the_edge_are_clipped(x: float, y: float) -> None:
     small, large = canvas(), canvas(60, 68)
     raster.disc(small, x, y, 6.0, 1.0, WHITE, 1.0)

@@ -18,7 +18,7 @@ def test_contacts_come_in_the_order_of_time_and_within_the_step(seed):
     for _ in range(4):
         contacts = table.step(0.1)
         assert (np.diff(contacts["time"]) >= 0.0).all()
-        assert ((0.0 <= contacts["time"]) & (contacts["time"] <= 0.1)).all()
+        assert ((contacts["time"] >= 0.0) & (contacts["time"] <= 0.1)).all()
         assert ((contacts["b"] == -1) | (contacts["b"] > contacts["a"])).all()
 
 

@@ -64,9 +64,9 @@ def test_touching_a_wall_and_approaching_it_is_a_kiss_at_time_0():
 
 
 def test_overlap_at_construction_is_an_error():
-    with pytest.raises(ValueError, match="positions must not overlap: discs 0 and 1 overlap by 0.05 m"):
+    with pytest.raises(ValueError, match=r"positions must not overlap: discs 0 and 1 overlap by 0\.05 m"):
         AirTable([[0.0, 0.0], [0.15, 0.0]], [[0.0, 0.0], [0.0, 0.0]], 0.1)
-    with pytest.raises(ValueError, match="positions must lie on the table: disc 0 .* reaches over a wall by 0.01 m"):
+    with pytest.raises(ValueError, match=r"positions must lie on the table: disc 0 .* reaches over a wall by 0\.01 m"):
         AirTable([[0.91, 0.0]], [[0.0, 0.0]], 0.1)
 
 

@@ -1,0 +1,346 @@
+"""Agents: evaluation, policies without torch, and the files of a run."""
+
+from __future__ import annotations
+
+import json
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import airhockey_env  # noqa: F401  registers
+from agents import evaluation
+from agents.checks import check_ranges
+from agents.evaluation import Result, play_points, wilson_interval
+from agents.features import relative_features
+from agents.files import read_json, replace, write_json
+from agents.models import export_policy, load_player, load_ppo
+from agents.ppo import TrainArgs, make_env, make_model
+from agents.report import draw_training, print_results
+from airhockey_env.game import DIRECTIONS
+from airhockey_env.policy import MlpPolicy
+from airhockey_env.tables import FULL_SIZE
+
+SMALL = TrainArgs(num_envs=4, n_steps=4, batch_size=8, net_width=16)
+
+
+def some_policy(outputs: int = 2, activation: str = "tanh") -> MlpPolicy:
+    random = np.random.default_rng(3)
+    sizes = (13, 8, 8, outputs)
+    weights = [random.normal(0.0, 0.5, (after, before)).astype(np.float32) for before, after in pairwise(sizes)]
+    return MlpPolicy(weights, [random.normal(0.0, 0.1, size).astype(np.float32) for size in sizes[1:]], activation)
+
+
+def some_observations(number: int = 200) -> NDArray[np.float32]:
+    return np.random.default_rng(5).uniform(-1.0, 1.0, (number, 13)).astype(np.float32)
+
+
+class TestWilsonInterval:
+    @pytest.mark.parametrize(
+        ("successes", "trials", "low", "high"),
+        # R. G. Newcombe, Statistics in Medicine 17 (1998), table I, method 3.
+        [(81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718)],
+    )
+    def test_published_values(self, successes: int, trials: int, low: float, high: float) -> None:
+        assert wilson_interval(successes, trials) == pytest.approx((low, high), abs=5e-5)
+
+    def test_mirror(self) -> None:
+        low, high = wilson_interval(3, 17)
+        assert wilson_interval(14, 17) == pytest.approx((1.0 - high, 1.0 - low))
+
+    def test_without_trials_nothing_is_known(self) -> None:
+        assert wilson_interval(0, 0) == (0.0, 1.0)
+
+    def test_it_stays_from_0_to_1(self) -> None:
+        for trials in (1, 2, 1000, 10**9):
+            for successes in (0, trials // 2, trials):
+                low, high = wilson_interval(successes, trials)
+                assert 0.0 <= low <= successes / trials <= high <= 1.0
+
+
+class TestPlayPoints:
+    def test_counts_add_up_and_repeat(self) -> None:
+        result = play_points("striker", "goalie", 30, seed=4)
+        assert result.points == 30
+        assert result.opponent == "goalie"
+        assert 0.0 < result.seconds <= 30.0
+        assert play_points("striker", "goalie", 30, seed=4) == result
+        assert play_points("striker", "goalie", 30, seed=5) != result
+
+    def test_an_odd_number_is_rounded_up(self) -> None:
+        assert play_points("random", "idle", 5, max_episode_steps=20).points == 6
+
+    def test_equal_players_are_equal(self) -> None:
+        result = play_points("striker", "striker", 600)
+        assert abs(result.wins - result.losses) < 4.0 * math.sqrt(result.wins + result.losses)
+
+    def test_nobody_moves_nobody_wins(self) -> None:
+        assert play_points("idle", "idle", 8) == Result("idle", 0, 0, 8, 30.0)
+
+    @pytest.mark.parametrize("opponent", ["goalie", "striker", "random"])
+    def test_a_callable_plays_both_sides_as_a_scripted_player_does(self, opponent: str) -> None:
+        def idle(observations: NDArray[np.float32]) -> NDArray[np.float32]:
+            assert observations.dtype == np.float32
+            return np.zeros((len(observations), 2), np.float32)
+
+        assert play_points(idle, opponent, 20) == play_points("idle", opponent, 20)
+
+    def test_every_point_has_its_own_table(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        whole = play_points("striker", "striker", 22)
+        monkeypatch.setattr(evaluation, "TABLES_AT_ONCE", 4)
+        assert play_points("striker", "striker", 22) == whole
+
+    @pytest.mark.parametrize(
+        ("arguments", "message"),
+        [
+            ({"opponent": "nobody"}, "opponent must be one of"),
+            ({"policy": "nobody"}, "player must be one of"),
+            ({"points": 0}, "points must be 1 or more"),
+            ({"opponent_skill": 1.5}, "opponent_skill must be a number from 0"),
+            ({"table": "billiards"}, "table must be one of"),
+        ],
+    )
+    def test_bad_arguments(self, arguments: dict, message: str) -> None:
+        with pytest.raises(ValueError, match=message):
+            play_points(**{"policy": "idle", "opponent": "idle", "points": 2, **arguments})
+
+    def test_a_policy_that_answers_nonsense(self) -> None:
+        with pytest.raises(ValueError, match="finite"):
+            play_points(lambda seen: np.full((len(seen), 2), np.nan, np.float32), "idle", 2)
+
+
+class TestResult:
+    def test_shares(self) -> None:
+        result = Result("goalie", wins=6, losses=2, draws=4, seconds=3.5)
+        assert (result.points, result.win_rate, result.decided) == (12, 0.5, 0.75)
+        data = result.as_dict()
+        assert data["win_rate_95"] == list(wilson_interval(6, 12))
+        assert data["decided_win_rate_95"] == list(wilson_interval(6, 8))
+
+    def test_printed_in_80_columns(self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("COLUMNS", "80")
+        print_results([Result("goalie", 10000, 0, 0, 29.9), Result("striker", 0, 0, 10000, 30.0)])
+        printed = capsys.readouterr().out
+        assert "100.0% (100.0-100.0)" in printed
+        assert "none" in printed
+        assert all(len(line) <= 80 for line in printed.splitlines())
+
+
+class TestMlpPolicy:
+    @pytest.mark.parametrize("outputs", [2, 9])
+    @pytest.mark.parametrize("activation", ["tanh", "relu"])
+    def test_save_and_load(self, tmp_path: Path, outputs: int, activation: str) -> None:
+        policy = some_policy(outputs, activation)
+        path = tmp_path / "policy.npz"
+        policy.save(path)
+        loaded = MlpPolicy.load(path)
+        np.testing.assert_array_equal(loaded(some_observations()), policy(some_observations()))
+        assert loaded.activation == activation
+        assert [file.name for file in tmp_path.iterdir()] == ["policy.npz"]
+
+    def test_actions(self) -> None:
+        continuous, discrete = some_policy(2)(some_observations()), some_policy(9)(some_observations())
+        assert continuous.shape == discrete.shape == (200, 2)
+        assert continuous.dtype == discrete.dtype == np.float32
+        assert (np.abs(continuous) <= 1.0).all()
+        assert {tuple(action) for action in discrete} <= {tuple(direction) for direction in DIRECTIONS}
+
+    @pytest.mark.parametrize("keep", [0.0, 0.3, 0.9, 0.999])
+    def test_a_file_that_was_cut_off(self, tmp_path: Path, keep: float) -> None:
+        path = tmp_path / "policy.npz"
+        some_policy().save(path)
+        path.write_bytes(path.read_bytes()[: int(keep * path.stat().st_size)])
+        with pytest.raises(ValueError, match=r"policy\.npz does not hold a policy"):
+            MlpPolicy.load(path)
+
+    def test_other_files(self, tmp_path: Path) -> None:
+        path = tmp_path / "other.npz"
+        for write in (
+            lambda: path.write_text("not a policy"),
+            lambda: np.savez(path, weight_0=np.zeros((2, 13))),
+            lambda: np.savez(path, weight_0=np.zeros((2, 12)), bias_0=np.zeros(2), activation="tanh"),
+            lambda: np.savez(path, weight_0=np.zeros((2, 13)), bias_0=np.zeros(2), activation="sine"),
+            lambda: np.savez(path, weight_0=np.array(["x"], dtype=object), bias_0=np.zeros(2), activation="tanh"),
+        ):
+            write()
+            with pytest.raises(ValueError, match="does not hold a policy"):
+                MlpPolicy.load(path)
+        with pytest.raises(FileNotFoundError):
+            MlpPolicy.load(tmp_path / "none.npz")
+
+    @pytest.mark.parametrize(
+        ("shapes", "activation", "message"),
+        [
+            ([], "tanh", "must be as many, and some"),
+            ([(8, 13), (2, 7)], "tanh", "layer 1 must have weights"),
+            ([(3, 13)], "tanh", "2 or 9 outputs"),
+            ([(2, 13)], "sine", "activation must be one of"),
+        ],
+    )
+    def test_layers_that_do_not_fit(self, shapes: list[tuple[int, int]], activation: str, message: str) -> None:
+        weights = [np.zeros(shape, np.float32) for shape in shapes]
+        with pytest.raises(ValueError, match=message):
+            MlpPolicy(weights, [np.zeros(shape[0], np.float32) for shape in shapes], activation)
+
+    def test_it_plays_as_an_opponent(self) -> None:
+        policy = some_policy()
+        single = gym.make("AirHockey-v0", opponent=policy)
+        batch = gym.make_vec("AirHockey-v0", num_envs=3, opponent=policy)
+        single.reset(seed=1)
+        batch.reset(seed=1)
+        for _ in range(30):
+            one, *_ = single.step(np.zeros(2, np.float32))
+            many, *_ = batch.step(np.zeros((3, 2), np.float32))
+            np.testing.assert_allclose(one, many[0], atol=1e-5)
+        assert np.abs(one[6:8]).max() > 0.0
+
+
+class TestStableBaselines3:
+    @pytest.fixture
+    def model(self):
+        import torch
+
+        model = make_model(SMALL, make_env(SMALL))
+        with torch.no_grad():  # an untrained network hardly moves
+            for weights in model.policy.parameters():
+                weights.add_(0.3 * torch.randn(weights.shape, generator=torch.Generator().manual_seed(1)))
+        return model
+
+    def test_the_exported_policy_acts_as_the_model(self, model, tmp_path: Path) -> None:
+        observations = some_observations()
+        expected, _ = model.predict(observations, deterministic=True)
+        assert expected.std() > 0.1
+        np.testing.assert_allclose(export_policy(model)(observations), expected, atol=1e-5)
+        model.save(tmp_path / "model.zip")
+        player = load_player(str(tmp_path / "model.zip"))
+        assert isinstance(player, MlpPolicy)
+        np.testing.assert_allclose(player(observations), expected, atol=1e-5)
+
+    def test_a_discrete_policy(self) -> None:
+        from stable_baselines3 import PPO
+
+        from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
+
+        env = AirHockeySB3VecEnv(4, continuous=False)
+        model = PPO("MlpPolicy", env, n_steps=4, batch_size=8, seed=2, device="cpu")
+        chosen, _ = model.predict(some_observations(), deterministic=True)
+        np.testing.assert_array_equal(export_policy(model)(some_observations()), DIRECTIONS[chosen])
+
+    @pytest.mark.parametrize("keep", [0.0, 0.5, 0.99])
+    def test_a_model_that_was_cut_off(self, model, tmp_path: Path, keep: float) -> None:
+        path = tmp_path / "model.zip"
+        model.save(path)
+        path.write_bytes(path.read_bytes()[: int(keep * path.stat().st_size)])
+        with pytest.raises(ValueError, match=r"model\.zip does not hold a PPO model"):
+            load_ppo(path)
+
+    def test_a_model_with_damage_inside(self, model, tmp_path: Path) -> None:
+        path = tmp_path / "model.zip"
+        model.save(path)
+        data = bytearray(path.read_bytes())
+        data[len(data) // 3 : len(data) // 2] = bytes(len(data) // 2 - len(data) // 3)
+        path.write_bytes(data)
+        with pytest.raises(ValueError, match=r"model\.zip does not hold a PPO model"):
+            load_ppo(path)
+
+    def test_the_features_show_the_puck_from_the_paddle(self) -> None:
+        env = gym.make("AirHockey-v0").unwrapped
+        seen, _ = env.reset(seed=0)
+        features = relative_features(FULL_SIZE) @ seen
+        paddle, _, puck = env.positions
+        np.testing.assert_allclose(features[13:15], 6.0 * (puck - paddle), atol=1e-5)
+        np.testing.assert_allclose(features[15:17], (env.velocities[2] - env.velocities[0]) / 5.0, atol=1e-5)
+
+
+class TestPlayers:
+    def test_names_folders_and_files(self, tmp_path: Path) -> None:
+        assert load_player("goalie") == "goalie"
+        some_policy().save(tmp_path / "policy.npz")
+        for name in (tmp_path, tmp_path / "policy.npz"):
+            assert isinstance(load_player(str(name)), MlpPolicy)
+
+    @pytest.mark.parametrize("name", ["nobody", "", "runs/none", "none.zip"])
+    def test_what_is_none_of_these(self, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(tmp_path)
+        with pytest.raises(FileNotFoundError, match="MODEL must be one of"):
+            load_player(name)
+
+
+class TestFiles:
+    def test_a_failure_leaves_the_old_file(self, tmp_path: Path) -> None:
+        path = tmp_path / "file"
+        path.write_text("old")
+
+        def fail(part: Path) -> None:
+            part.write_text("half of the n")
+            raise OSError("no space left")
+
+        with pytest.raises(OSError, match="no space"):
+            replace(path, fail)
+        assert path.read_text() == "old"
+        assert list(tmp_path.iterdir()) == [path]
+
+    def test_an_interrupt_leaves_the_old_file(self, tmp_path: Path) -> None:
+        path = tmp_path / "file"
+        path.write_text("old")
+
+        def interrupt(part: Path) -> None:
+            part.write_text("half of the n")
+            raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            replace(path, interrupt)
+        assert path.read_text() == "old"
+        assert list(tmp_path.iterdir()) == [path]
+
+    def test_success_replaces_it(self, tmp_path: Path) -> None:
+        path = tmp_path / "file"
+        path.write_text("old")
+        replace(path, lambda part: part.write_text("new"))
+        assert path.read_text() == "new"
+        assert list(tmp_path.iterdir()) == [path]
+
+    def test_json(self, tmp_path: Path) -> None:
+        path = tmp_path / "file.json"
+        write_json(path, {"numbers": [1, 2.5, math.nan, math.inf], "pair": (True, None)})
+        expected = {"numbers": [1, 2.5, None, None], "pair": [True, None]}
+        assert json.loads(path.read_text(), parse_constant=pytest.fail) == expected
+        assert read_json(path) == expected
+
+    @pytest.mark.parametrize("damaged", [b"", b"{", b"\xff\xfe\x00"])
+    def test_damaged_json(self, damaged: bytes, tmp_path: Path) -> None:
+        path = tmp_path / "file.json"
+        path.write_bytes(damaged)
+        with pytest.raises(ValueError, match=r"file\.json is not a JSON file"):
+            read_json(path)
+
+
+class TestReport:
+    @pytest.mark.parametrize("number", [0, 1, 30])
+    def test_the_picture_of_a_run_of_any_length(self, number: int, tmp_path: Path) -> None:
+        history = {
+            "evaluations": [
+                {"steps": k, "seconds": float(k), **Result("striker", k % 2, 0, 3, 30.0).as_dict()}
+                for k in range(number)
+            ],
+            "updates": [{"steps": k * 100, "seconds": k / 2.0, "entropy": 2.8} for k in range(number)],
+            "report": [],
+        }
+        write_json(tmp_path / "evaluations.json", history)
+        for kept in (history, read_json(tmp_path / "evaluations.json")):  # as of a run that is resumed
+            draw_training(kept, "striker", tmp_path / "training.png")
+            assert (tmp_path / "training.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_ranges_name_the_option() -> None:
+    check_ranges(TrainArgs(), n_steps=(1, math.inf), gamma=(0, 1))
+    with pytest.raises(ValueError, match="--n-steps must be 1 or more, got 0"):
+        check_ranges(TrainArgs(n_steps=0), n_steps=(1, math.inf))
+    with pytest.raises(ValueError, match="--gamma must be from 0 to 1, got nan"):
+        check_ranges(TrainArgs(gamma=math.nan), gamma=(0, 1))
+    with pytest.raises(ValueError, match="--learning-rate must be 0 or more, got inf"):
+        check_ranges(TrainArgs(learning_rate=math.inf), learning_rate=(0, math.inf))

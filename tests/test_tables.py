@@ -1,0 +1,147 @@
+"""Tables: the presets' numbers, and what a `TableSpec` refuses."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+
+import numpy as np
+import pytest
+
+from airhockey_env import PRESETS, AirHockeyEnv, TableSpec
+from airhockey_env.tables import CHALLENGE, FULL_SIZE, IDEAL, resolve_table
+
+FIELDS = [field.name for field in dataclasses.fields(TableSpec)]
+POSITIVE = [
+    "length", "width", "goal_width", "puck_radius", "puck_mass", "paddle_radius",
+    "paddle_speed", "paddle_acceleration", "puck_speed",
+]  # fmt: skip
+SHARES = ["wall_restitution", "wall_tangential", "paddle_restitution"]
+DRAGS = ["drag_constant", "drag_linear", "drag_quadratic"]
+
+MEASURED = {
+    "full_size": {
+        "length": 2.362, "width": 1.144, "goal_width": 0.3345, "puck_radius": 0.0413, "puck_mass": 0.037,
+        "paddle_radius": 0.0505, "wall_restitution": 0.785, "wall_tangential": 0.66, "paddle_restitution": 0.8,
+        "drag_constant": 0.0145, "drag_linear": 0.0, "drag_quadratic": 0.0348,
+    },
+    "challenge": {
+        "length": 1.948, "width": 1.038, "goal_width": 0.25, "puck_radius": 0.03165, "puck_mass": 0.010,
+        "paddle_radius": 0.04815, "wall_restitution": 0.79, "wall_tangential": 0.84, "paddle_restitution": 0.8,
+        "drag_constant": 0.0, "drag_linear": 0.5, "drag_quadratic": 0.0,
+    },
+    "ideal": {
+        "length": 2.362, "width": 1.144, "goal_width": 0.3345, "puck_radius": 0.0413, "puck_mass": 0.037,
+        "paddle_radius": 0.0505, "wall_restitution": 1.0, "wall_tangential": 1.0, "paddle_restitution": 1.0,
+        "drag_constant": 0.0, "drag_linear": 0.0, "drag_quadratic": 0.0,
+    },
+}  # fmt: skip
+
+
+def test_presets_are_the_measured_tables():
+    assert PRESETS == {"full_size": FULL_SIZE, "challenge": CHALLENGE, "ideal": IDEAL}
+    for name, numbers in MEASURED.items():
+        spec = dataclasses.asdict(PRESETS[name])
+        assert {field: spec[field] for field in numbers} == numbers
+
+
+@pytest.mark.parametrize("spec", PRESETS.values(), ids=PRESETS)
+def test_presets_keep_to_the_rules_and_to_people(spec):
+    assert 2.0 * spec.paddle_radius <= 0.103  # greatest mallet that the rules allow
+    hardest = (1.0 + FULL_SIZE.paddle_restitution) * spec.paddle_speed
+    assert 8.0 < hardest < 9.7 < spec.puck_speed  # the hardest shot at a still puck; people's peak
+
+
+def test_every_field_is_covered_here():
+    assert sorted(FIELDS) == sorted(POSITIVE + SHARES + DRAGS)
+
+
+@pytest.mark.parametrize("name", FIELDS)
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, None, "1", True, np.True_, [1.0], 1j], ids=repr)
+def test_a_field_must_be_a_finite_number(name, value):
+    with pytest.raises(ValueError, match=rf"^{name} must be a finite number, got {re.escape(repr(value))}$"):
+        dataclasses.replace(FULL_SIZE, **{name: value})
+
+
+@pytest.mark.parametrize("name", POSITIVE)
+@pytest.mark.parametrize("value", [0.0, -1e-300, -1.0])
+def test_a_size_must_be_positive(name, value):
+    with pytest.raises(ValueError, match=f"^{name} must be greater than 0, got {value}$"):
+        dataclasses.replace(FULL_SIZE, **{name: value})
+
+
+@pytest.mark.parametrize("name", SHARES)
+@pytest.mark.parametrize("value", [-1e-9, 1.0 + 1e-9, 5.0])
+def test_a_share_must_be_from_0_to_1(name, value):
+    with pytest.raises(ValueError, match=f"^{name} must be from 0 to 1, got {value}$"):
+        dataclasses.replace(FULL_SIZE, **{name: value})
+    for edge in (0.0, 1.0):
+        assert getattr(dataclasses.replace(FULL_SIZE, **{name: edge}), name) == edge
+
+
+@pytest.mark.parametrize("name", DRAGS)
+def test_a_drag_must_not_be_negative(name):
+    with pytest.raises(ValueError, match=f"^{name} must be 0 or more, got -1e-09$"):
+        dataclasses.replace(FULL_SIZE, **{name: -1e-9})
+    assert getattr(dataclasses.replace(FULL_SIZE, **{name: 0.0}), name) == 0.0
+
+
+# Each limit between fields: what is just too much, and what just fits.
+LIMITS = [
+    ("goal_width", {"goal_width": 0.0826}, {"goal_width": 0.0827}),
+    ("goal_width", {"width": 0.5, "goal_width": 0.4175}, {"width": 0.5, "goal_width": 0.417}),
+    ("width", {"width": 0.18, "goal_width": 0.09, "paddle_radius": 0.049},
+     {"width": 0.19, "goal_width": 0.09, "paddle_radius": 0.049}),
+    ("length", {"length": 0.73}, {"length": 0.74}),
+    ("paddle_radius", {"length": 2.0, "width": 1.2, "puck_radius": 0.01, "paddle_radius": 0.2},
+     {"length": 2.0, "width": 1.2, "puck_radius": 0.01, "paddle_radius": 0.199}),
+    ("puck_speed", {"puck_speed": 5.0}, {"puck_speed": 5.001}),
+    ("puck_speed", {"paddle_speed": 12.0}, {"paddle_speed": 11.999}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "bad", "good"), LIMITS)
+def test_fields_must_fit_each_other(name, bad, good):
+    with pytest.raises(ValueError, match=f"^{name} must be (greater|less) than .*, got "):
+        dataclasses.replace(FULL_SIZE, **bad)
+    dataclasses.replace(FULL_SIZE, **good)
+
+
+@pytest.mark.parametrize("good", [good for _, _, good in LIMITS], ids=str)
+@pytest.mark.parametrize("rate", [10, 240])
+def test_tables_that_just_fit_can_be_played(good, rate):
+    env = AirHockeyEnv(table=dataclasses.replace(FULL_SIZE, **good), control_hz=rate)
+    rng = np.random.default_rng(1)
+    observation, _ = env.reset(seed=1)
+    for _ in range(300):
+        assert observation in env.observation_space
+        observation, _, over, _, _ = env.step(rng.uniform(-1.0, 1.0, 2))
+        if over:
+            observation, _ = env.reset()
+
+
+def test_specs_are_frozen_values():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        FULL_SIZE.length = 3.0
+    assert TableSpec(**dataclasses.asdict(FULL_SIZE)) == FULL_SIZE
+    assert hash(FULL_SIZE) == hash(TableSpec(**dataclasses.asdict(FULL_SIZE)))
+    heavier = dataclasses.replace(FULL_SIZE, puck_mass=0.05)
+    assert heavier.puck_mass == 0.05 and heavier != FULL_SIZE and FULL_SIZE.puck_mass == 0.037
+
+
+@pytest.mark.parametrize("number", [2, np.int64(2), np.float32(2.0), np.float64(2.0)], ids=lambda n: type(n).__name__)
+def test_any_real_number_will_do_and_is_a_float_then(number):
+    spec = dataclasses.replace(FULL_SIZE, length=number)
+    assert spec.length == 2.0 and type(spec.length) is float
+
+
+def test_tables_by_name_or_spec():
+    assert resolve_table("challenge") is CHALLENGE
+    own = dataclasses.replace(IDEAL, length=2.0)
+    assert resolve_table(own) is own and AirHockeyEnv(table=own).table is own
+    for bad in ("huge", "", None, 3, ["ideal"], {"length": 2.0}):
+        with pytest.raises(
+            ValueError, match=r"^table must be one of \['challenge', 'full_size', 'ideal'\] or a TableSpec"
+        ):
+            resolve_table(bad)
