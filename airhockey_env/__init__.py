@@ -5,14 +5,22 @@ import gymnasium
 from airhockey_env.air_table import AirTable
 from airhockey_env.env import AirHockeyEnv
 from airhockey_env.tables import PRESETS, TableSpec
+from airhockey_env.tasks import TASKS
 from airhockey_env.vector_env import AirHockeyVectorEnv
 from airhockey_env.version import __version__
 
 __all__ = ["PRESETS", "AirHockeyEnv", "AirHockeyVectorEnv", "AirTable", "TableSpec", "__version__"]
 
-gymnasium.register(
-    id="AirHockey-v0",
-    entry_point="airhockey_env.env:AirHockeyEnv",
-    vector_entry_point="airhockey_env.vector_env:AirHockeyVectorEnv",
-    max_episode_steps=1500,
-)
+for _id, _task in (
+    ("AirHockey-v0", "point"),
+    ("AirHockeyMatch-v0", "match"),
+    ("AirHockeyHit-v0", "hit"),
+    ("AirHockeyDefend-v0", "defend"),
+):
+    gymnasium.register(
+        id=_id,
+        entry_point="airhockey_env.env:AirHockeyEnv",
+        vector_entry_point="airhockey_env.vector_env:AirHockeyVectorEnv",
+        max_episode_steps=TASKS[_task].max_episode_steps,
+        kwargs={"task": _task, "opponent": TASKS[_task].opponent} if _task != "point" else {},
+    )

@@ -82,6 +82,7 @@ class AirHockeyEnv(gym.Env):
     ## Arguments
     | argument | values | default |
     |---|---|---|
+    | `task` | `"point"`, `"match"`, `"hit"`, `"defend"`; each registered id sets it | `"point"` |
     | `opponent` | `"idle"`, `"random"`, `"goalie"`, `"striker"`, or a callable: float32 observations (N, 13) from its own side to actions (N, 2) | `"striker"` |
     | `opponent_skill` | 0 to 1: share of its paddle's speed that a scripted opponent uses | 1.0 |
     | `table` | `"full_size"`, `"challenge"`, `"ideal"` or a `TableSpec` | `"full_size"` |
@@ -103,6 +104,7 @@ class AirHockeyEnv(gym.Env):
     def __init__(
         self,
         *,
+        task: str = "point",
         opponent: str | Policy = "striker",
         opponent_skill: float = 1.0,
         table: str | TableSpec = "full_size",
@@ -115,6 +117,7 @@ class AirHockeyEnv(gym.Env):
     ) -> None:
         self._game = Game(
             1,
+            task=task,
             table=table,
             opponent=check_opponent(opponent),
             opponent_skill=opponent_skill,
@@ -171,7 +174,7 @@ class AirHockeyEnv(gym.Env):
         self._game.reset(options=checked)
         if self.render_mode == "human":
             self.render()
-        return self._game.out.observation[0].copy(), self._info(False)
+        return self._game.out.observation[0].copy(), self._info()
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Play one control step.
@@ -183,7 +186,7 @@ class AirHockeyEnv(gym.Env):
         game, out = self._game, self._game.out
         game.step(game.check_action(action))
         terminated = bool(out.terminated[0])
-        info = self._info(terminated)
+        info = self._info()
         if self.render_mode == "human":
             self.render()
         return out.observation[0].copy(), float(out.reward[0]), terminated, bool(out.truncated[0]), info
@@ -223,11 +226,11 @@ class AirHockeyEnv(gym.Env):
         self._game.set_state(state)
         self._seeded = True
 
-    def _info(self, terminated: bool) -> dict[str, Any]:
+    def _info(self) -> dict[str, Any]:
         tables = self._game.tables
         score, count = tables["score"][0].copy(), tables["n_contacts"][0]
         contacts = Contacts(self._game.out.contacts[0, :count].copy()) if count else _NO_CONTACTS
-        return {"score": score, "contacts": contacts, "is_success": terminated and bool(score[0] > score[1])}
+        return {"score": score, "contacts": contacts, "is_success": bool(self._game.out.success[0])}
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_window": None}  # a copy opens its own

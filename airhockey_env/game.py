@@ -29,6 +29,7 @@ from airhockey_env.records import (
     physics_record,
 )
 from airhockey_env.tables import TableSpec, resolve_table
+from airhockey_env.tasks import TASKS
 
 Policy = Callable[[NDArray[np.float32]], ArrayLike]
 """An opponent from outside: float32 observations (N, 13), seen from its own side, to actions (N, 2)."""
@@ -64,7 +65,8 @@ class Outputs(NamedTuple):
     final_observation: NDArray[np.float32]  # (N, 13) what an automatic reset in the same step replaced
     score: NDArray[np.int32]  # (N, 2) left, right
     final_score: NDArray[np.int32]  # (N, 2) and what
-    final_contacts: NDArray[np.int64]  # (N,) an automatic reset in the same step replaced
+    final_contacts: NDArray[np.int32]  # (N,) an automatic reset in the same step replaced
+    success: NDArray[np.bool_]  # (N,) the step ended the episode with success
     reward: NDArray[np.float64]  # (N,)
     terminated: NDArray[np.bool_]  # (N,)
     truncated: NDArray[np.bool_]  # (N,)
@@ -96,7 +98,8 @@ class Game:
         continuous: bool = True,
         reward: str = "sparse",
         control_hz: float = 50,
-        points: int = 1,
+        task: str = "point",
+        points: int | None = None,
         max_episode_steps: int | None = None,
         autoreset: int = AUTORESET_DISABLED,
         num_threads: int | None = None,
@@ -118,7 +121,10 @@ class Game:
 
         self.physics = physics_record(self.spec, self.control_hz)
         self.settings = records(1, SETTINGS)
-        self.settings["points"] = _whole("points", points, 1)
+        if task not in TASKS:
+            raise ValueError(f"task must be one of {sorted(TASKS)}, got {task!r}")
+        self.settings["task"] = TASKS[task].number
+        self.settings["points"] = TASKS[task].points if points is None else _whole("points", points, 1)
         self.settings["max_steps"] = max_steps
         self.settings["shaped"] = reward == "shaped"
         self.settings["autoreset"] = autoreset
@@ -135,7 +141,8 @@ class Game:
             final_observation=np.zeros((n, OBSERVATION_SIZE), np.float32),
             score=np.zeros((n, 2), np.int32),
             final_score=np.zeros((n, 2), np.int32),
-            final_contacts=np.zeros(n, np.int64),
+            final_contacts=np.zeros(n, np.int32),
+            success=np.zeros(n, np.bool_),
             reward=np.zeros(n, np.float64),
             terminated=np.zeros(n, np.bool_),
             truncated=np.zeros(n, np.bool_),

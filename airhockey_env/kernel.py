@@ -12,7 +12,8 @@ from airhockey_env.opponents import EXTERNAL, play
 from airhockey_env.paddles import drive
 from airhockey_env.records import AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP, LEFT, PUCK, RIGHT
 from airhockey_env.rewards import potential, shaping
-from airhockey_env.rules import judge, start_episode
+from airhockey_env.rules import judge, play_on
+from airhockey_env.tasks import end_task, start_task
 
 
 @inlined
@@ -30,9 +31,15 @@ def play_tick(table, physics, contacts):
 
 
 @inlined
-def begin(table, physics, side):
-    """Start the table's next episode, with a serve by `side` (0: drawn at random)."""
-    start_episode(table, physics, side)
+def begin(table, physics, settings, side):
+    """Start the table's next episode; where the task begins with a serve, by `side` (0: drawn at random)."""
+    table.steps = 0
+    table.score[0] = 0
+    table.score[1] = 0
+    table.n_contacts = 0
+    table.success = 0
+    table.done = False
+    start_task(table, physics, settings.task, side)
     table.potential = potential(table, physics)
 
 
@@ -45,12 +52,16 @@ def step_table(table, physics, settings, ax, ay, bx, by, contacts):
     drive(table, physics, LEFT, ax, ay)
     drive(table, physics, RIGHT, bx, by)
     goal = play_tick(table, physics, contacts)
-    point, terminated = judge(table, physics, settings, goal)
+    point, foul = judge(table, physics, goal)
+    terminated, success = end_task(table, settings, point, foul)
+    if not terminated:
+        play_on(table, physics, point, foul)
     reward = float(point)
     if settings.shaped:
         reward += shaping(table, physics, terminated)
     table.steps += 1
     truncated = settings.max_steps > 0 and table.steps >= settings.max_steps and not terminated
+    table.success = 1 if terminated and success else 0
     table.done = terminated or truncated
     return reward, terminated, truncated
 
@@ -80,10 +91,11 @@ def step_rows(first, last, tables, physics, settings, actions, others, out):
         table = tables[i]
         law = physics[i if own_physics else 0]
         if table.done and rules.autoreset == AUTORESET_NEXT_STEP:
-            begin(table, law, 0)
+            begin(table, law, rules, 0)
             out.reward[i] = 0.0
             out.terminated[i] = False
             out.truncated[i] = False
+            out.success[i] = False
         else:
             ax, ay = choose(table, law, LEFT, actions, i)
             bx, by = choose(table, law, RIGHT, others, i)
@@ -91,11 +103,12 @@ def step_rows(first, last, tables, physics, settings, actions, others, out):
             out.reward[i] = reward
             out.terminated[i] = terminated
             out.truncated[i] = truncated
+            out.success[i] = table.success != 0
             if table.done and rules.autoreset == AUTORESET_SAME_STEP:
                 observe(table, law, LEFT, out.final_observation, i)
                 out.final_score[i, 0], out.final_score[i, 1] = table.score[0], table.score[1]
                 out.final_contacts[i] = table.n_contacts
-                begin(table, law, 0)
+                begin(table, law, rules, 0)
         observe_row(table, law, rules, out, i)
 
 
@@ -115,7 +128,8 @@ def reset_rows(rows, sides, tables, physics, settings, out):
     for k in range(rows.shape[0]):
         i = rows[k]
         law = physics[i if own_physics else 0]
-        begin(tables[i], law, sides[k])
+        begin(tables[i], law, settings[0], sides[k])
+        out.success[i] = False
         observe_row(tables[i], law, settings[0], out, i)
 
 

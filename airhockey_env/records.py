@@ -56,7 +56,8 @@ TABLE = np.dtype(
         ("position", np.float64, (3, 2)),  # m: left paddle, right paddle, puck
         ("velocity", np.float64, (3, 2)),  # m/s
         ("stream", np.uint64),  # state of the table's own random stream
-        ("n_contacts", np.int64),  # in the last step
+        ("n_contacts", np.int32),  # in the last step
+        ("success", np.int32),  # 1 if the last step ended the episode with success, else 0
         ("hits", np.int32, (3,)),  # the engine's count of contacts in the tick
         ("steps", np.int32),  # so far in the episode
         ("clock", np.int32),  # ticks since the puck came to the side that it is on
@@ -75,7 +76,8 @@ TABLE = np.dtype(
 
 SETTINGS = np.dtype(
     [
-        ("points", np.int32),  # points that end an episode
+        ("task", np.int32),  # number of the task, see tasks
+        ("points", np.int32),  # points that win a match
         ("max_steps", np.int32),  # steps that truncate an episode, 0 for no limit
         ("shaped", np.bool_),
         ("autoreset", np.int8),  # one of the constants below

@@ -138,7 +138,7 @@ class AirHockeySB3VecEnv(VecEnv):
                 "terminal_observation": out.final_observation[i].copy(),
                 "TimeLimit.truncated": bool(out.truncated[i]),
                 "score": score,
-                "is_success": bool(out.terminated[i] and score[0] > score[1]),
+                "is_success": bool(out.success[i]),
             }
         return out.observation.copy(), out.reward.astype(np.float32), dones, infos
 

@@ -38,7 +38,7 @@ class AirHockeyVectorEnv(VectorEnv):
             its value. With `DISABLED`, reset the tables that are done by `reset(options={"reset_mask": mask})`.
         num_threads: threads that share a large batch; None takes all cores. The results do not depend on it.
         render_mode: None or `"rgb_array"`; `render()` then returns a tuple of pictures, one a table.
-        opponent, opponent_skill, table, continuous, reward, control_hz, render_size: as in `AirHockeyEnv`. A callable
+        task, opponent, opponent_skill, table, continuous, reward, control_hz, render_size: as in `AirHockeyEnv`. A callable
             opponent is asked once a step, for all tables.
 
     Infos have Gymnasium's vector form: `score` (num_envs, 2), `is_success` (num_envs,), `contacts`
@@ -61,6 +61,7 @@ class AirHockeyVectorEnv(VectorEnv):
         max_episode_steps: int | None = 1500,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         num_threads: int | None = None,
+        task: str = "point",
         opponent: str | Policy = "striker",
         opponent_skill: float = 1.0,
         table: str | TableSpec = "full_size",
@@ -77,6 +78,7 @@ class AirHockeyVectorEnv(VectorEnv):
             raise ValueError(f"autoreset_mode must be one of {allowed}, got {autoreset_mode!r}") from error
         self._game = Game(
             num_envs,
+            task=task,
             table=table,
             opponent=check_opponent(opponent),
             opponent_skill=opponent_skill,
@@ -195,7 +197,7 @@ class AirHockeyVectorEnv(VectorEnv):
         present = np.ones(self.num_envs, np.bool_) if mask is None else mask
         score = self._game.out.score.copy()
         if mask is None and self.autoreset_mode != AutoresetMode.SAME_STEP:
-            success = self._game.out.terminated & (score[:, 0] > score[:, 1])
+            success = self._game.out.success.copy()
         else:
             score[~present] = 0
             success = np.zeros(self.num_envs, np.bool_)
@@ -228,7 +230,7 @@ class AirHockeyVectorEnv(VectorEnv):
             "_score": done.copy(),
             "contacts": BatchContacts(self._contacts, np.where(done, out.final_contacts, 0), self._age),
             "_contacts": done.copy(),
-            "is_success": out.terminated & (score[:, 0] > score[:, 1]),
+            "is_success": out.success.copy(),
             "_is_success": done.copy(),
         }
         infos["_final_info"] = done.copy()

@@ -16,6 +16,7 @@ from stable_baselines3.common.env_checker import check_env as check_for_sb3
 from airhockey_env import PRESETS, AirHockeyEnv
 from airhockey_env.opponents import SCRIPTED
 from airhockey_env.tables import FULL_SIZE
+from airhockey_env.tasks import TASKS
 from tests.faces import IDS, pursue
 
 pytestmark = [pytest.mark.filterwarnings("error")]
@@ -23,6 +24,7 @@ pytestmark = [pytest.mark.filterwarnings("error")]
 SMALL = (64, 48)
 ARGUMENTS = [
     {},
+    *({"task": name} for name in TASKS),
     *({"opponent": name} for name in sorted(SCRIPTED)),
     {"opponent": pursue},
     *({"opponent_skill": skill} for skill in (0.0, 0.5, 1)),
