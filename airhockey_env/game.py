@@ -68,6 +68,7 @@ class Outputs(NamedTuple):
     final_contacts: NDArray[np.int32]  # (N,) an automatic reset in the same step replaced
     success: NDArray[np.bool_]  # (N,) the step ended the episode with success
     reward: NDArray[np.float64]  # (N,)
+    other_reward: NDArray[np.float64]  # (N,) of the right players, where these come from outside
     terminated: NDArray[np.bool_]  # (N,)
     truncated: NDArray[np.bool_]  # (N,)
     contacts: NDArray[np.void]  # (N, CONTACT_ROWS) CONTACT
@@ -78,8 +79,8 @@ class Game:
 
     The arguments are those of `AirHockeyEnv`, where they are described; this is the one place that checks them. Beyond
     these, `player` names a scripted player for the left paddle in place of the caller's actions, and `opponent=None`
-    lets the caller play the right paddle too: its observations lie in `out.other_observation`, its actions go to
-    `step`.
+    lets the caller play the right paddle too: its observations lie in `out.other_observation`, its rewards in
+    `out.other_reward`, its actions go to `step`.
 
     Attributes:
         spec: the `TableSpec` in play.
@@ -144,6 +145,7 @@ class Game:
             final_contacts=np.zeros(n, np.int32),
             success=np.zeros(n, np.bool_),
             reward=np.zeros(n, np.float64),
+            other_reward=np.zeros(n if right == EXTERNAL else 0, np.float64),
             terminated=np.zeros(n, np.bool_),
             truncated=np.zeros(n, np.bool_),
             contacts=records((n, CONTACT_ROWS), CONTACT),
@@ -176,14 +178,14 @@ class Game:
             kernel.refresh_rows(rows, self.tables, self.physics, self.settings, self.out)
         self._note_begun()
 
-    def check_action(self, action: Any) -> NDArray[np.float32]:
-        """The action of a game on one table as (1, 2) float32; see `check_actions`."""
+    def check_action(self, action: Any, name: str = "action") -> NDArray[np.float32]:
+        """The action of a game on one table as (1, 2) float32; see `check_actions`. Errors call it `name`."""
         if not self.continuous:
-            return _directions("action", action, ())
+            return _directions(name, action, ())
         usual = isinstance(action, np.ndarray) and action.dtype == np.float32 and action.shape == (2,)
         if usual and math.isfinite(action[0]) and math.isfinite(action[1]):  # quickly
             return action.reshape(1, 2)
-        return _velocities("action", action, (2,)).reshape(1, 2)
+        return _velocities(name, action, (2,)).reshape(1, 2)
 
     def check_actions(self, actions: ArrayLike) -> NDArray[np.float32]:
         """Actions as float32 target velocities (N, 2).

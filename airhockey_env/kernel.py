@@ -11,7 +11,7 @@ from airhockey_env.observations import observe
 from airhockey_env.opponents import EXTERNAL, play
 from airhockey_env.paddles import drive
 from airhockey_env.records import AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP, LEFT, PUCK, RIGHT
-from airhockey_env.rewards import potential, shaping
+from airhockey_env.rewards import keep_potentials, shaping
 from airhockey_env.rules import judge, play_on
 from airhockey_env.tasks import end_task, start_task
 
@@ -40,14 +40,14 @@ def begin(table, physics, settings, side):
     table.success = 0
     table.done = False
     start_task(table, physics, settings.task, side)
-    table.potential = potential(table, physics)
+    keep_potentials(table, physics, settings)
 
 
 @inlined
 def step_table(table, physics, settings, ax, ay, bx, by, contacts):
     """Play one step of one table; (ax, ay) and (bx, by) are the left and the right player's actions.
 
-    Returns (reward of the left player, terminated, truncated).
+    Returns (reward of the left player, that of the right player, terminated, truncated).
     """
     drive(table, physics, LEFT, ax, ay)
     drive(table, physics, RIGHT, bx, by)
@@ -56,14 +56,16 @@ def step_table(table, physics, settings, ax, ay, bx, by, contacts):
     terminated, success = end_task(table, settings, point, foul)
     if not terminated:
         play_on(table, physics, point, foul)
-    reward = float(point)
+    reward, other_reward = float(point), float(-point)
     if settings.shaped:
-        reward += shaping(table, physics, terminated)
+        reward += shaping(table, physics, LEFT, terminated)
+        if settings.both_sides:
+            other_reward += shaping(table, physics, RIGHT, terminated)
     table.steps += 1
     truncated = settings.max_steps > 0 and table.steps >= settings.max_steps and not terminated
     table.success = 1 if terminated and success else 0
     table.done = terminated or truncated
-    return reward, terminated, truncated
+    return reward, other_reward, terminated, truncated
 
 
 @inlined
@@ -96,11 +98,16 @@ def step_rows(first, last, tables, physics, settings, actions, others, out):
             out.terminated[i] = False
             out.truncated[i] = False
             out.success[i] = False
+            if rules.both_sides:
+                out.other_reward[i] = 0.0
         else:
             ax, ay = choose(table, law, LEFT, actions, i)
             bx, by = choose(table, law, RIGHT, others, i)
-            reward, terminated, truncated = step_table(table, law, rules, ax, ay, bx, by, out.contacts[i])
+            result = step_table(table, law, rules, ax, ay, bx, by, out.contacts[i])
+            reward, other_reward, terminated, truncated = result
             out.reward[i] = reward
+            if rules.both_sides:
+                out.other_reward[i] = other_reward
             out.terminated[i] = terminated
             out.truncated[i] = truncated
             out.success[i] = table.success != 0
@@ -140,6 +147,6 @@ def refresh_rows(rows, tables, physics, settings, out):
     for k in range(rows.shape[0]):
         i = rows[k]
         law = physics[i if own_physics else 0]
-        if settings[0].shaped and not tables[i].done:
-            tables[i].potential = potential(tables[i], law)
+        if not tables[i].done:
+            keep_potentials(tables[i], law, settings[0])
         observe_row(tables[i], law, settings[0], out, i)

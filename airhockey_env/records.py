@@ -68,7 +68,7 @@ TABLE = np.dtype(
         ("skill", np.float64, (2,)),  # share of its speed that a scripted player uses
         ("plan", np.float64),  # 0 to 1, drawn when the puck changes sides: how a scripted player shoots
         ("wander", np.float64, (2, 2)),  # the present actions of players that wander
-        ("potential", np.float64),  # of the shaped reward, in this state
+        ("potential", np.float64, (2,)),  # of the shaped reward, in this state: for the left and the right player
     ],
     align=True,
 )
@@ -81,7 +81,7 @@ SETTINGS = np.dtype(
         ("max_steps", np.int32),  # steps that truncate an episode, 0 for no limit
         ("shaped", np.bool_),
         ("autoreset", np.int8),  # one of the constants below
-        ("both_sides", np.bool_),  # write the right-hand player's observations too
+        ("both_sides", np.bool_),  # write the right-hand player's observations and rewards too
     ],
     align=True,
 )

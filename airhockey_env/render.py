@@ -215,14 +215,18 @@ class Renderer:
         self._draw_piece(image, places[1], self.table.paddle_radius, RIGHT_MALLET)
         return image
 
-    def _pixel(self, x: float, y: float) -> tuple[float, float]:
-        """Where a point of the table, m, is in the picture, px."""
+    def to_picture(self, x: float, y: float) -> tuple[float, float]:
+        """Where a point of the table, m, is in the picture, px from its top left corner."""
         return 0.5 * self.size[0] + x * self.scale, 0.5 * self.size[1] - y * self.scale
+
+    def to_table(self, x: float, y: float) -> tuple[float, float]:
+        """Which point of the table, m, a point of the picture shows, px from its top left corner."""
+        return (x - 0.5 * self.size[0]) / self.scale, (0.5 * self.size[1] - y) / self.scale
 
     # What moves
 
     def _draw_piece(self, image: np.ndarray, place: np.ndarray, radius: float, layers: tuple[Layer, ...]) -> None:
-        x, y = self._pixel(float(place[0]), float(place[1]))
+        x, y = self.to_picture(float(place[0]), float(place[1]))
         radius *= self.scale
         if radius < SMALLEST_DETAILED:
             layers = layers[:PLAIN_LAYERS]
@@ -240,8 +244,8 @@ class Renderer:
         self._draw_clock_line(image, math.copysign(used, clock), 0.55 * CLOCK_WIDTH, color)
 
     def _draw_clock_line(self, image: np.ndarray, share: float, width: float, color: Color) -> None:
-        start = self._pixel(0.0, self._rail_middle())
-        stop = self._pixel(share * CLOCK_LENGTH, self._rail_middle())
+        start = self.to_picture(0.0, self._rail_middle())
+        stop = self.to_picture(share * CLOCK_LENGTH, self._rail_middle())
         raster.stroke(image, np.array([start, stop]), width * self.scale, 1.0, color, 1.0)
 
     # What stays
@@ -268,7 +272,7 @@ class Renderer:
         text = str(number)
         height = self._digit_height()
         length = height * (DIGIT_ADVANCE * (len(text) - 1) + DIGIT_WIDTH)
-        x, y = self._pixel(side * SCORE_GAP, self._rail_middle())
+        x, y = self.to_picture(side * SCORE_GAP, self._rail_middle())
         left = x if side > 0.0 else x - length
         for place, digit in enumerate(text):
             points = np.array(DIGITS[int(digit)]) * height + (left + place * DIGIT_ADVANCE * height, y - 0.5 * height)
@@ -290,8 +294,8 @@ class Renderer:
     def _box(self, image: np.ndarray, grow: float, corner: float, softness: float, color: Color) -> None:
         """Fill the playing surface grown by `grow` on all sides; lengths in m, softness at least 1 px."""
         x, y = 0.5 * self.table.length + grow, 0.5 * self.table.width + grow
-        left, top = self._pixel(-x, y)
-        right, bottom = self._pixel(x, -y)
+        left, top = self.to_picture(-x, y)
+        right, bottom = self.to_picture(x, -y)
         softness = max(1.0, softness * self.scale)
         raster.box(image, left, top, right, bottom, corner * self.scale, softness, color, 1.0)
 
@@ -309,22 +313,22 @@ class Renderer:
         self._box(surface, 0.01, 0.04, 0.09, SURFACE)
         self._draw_holes(surface)
         self._draw_markings(surface)
-        left, top = (math.floor(edge) for edge in self._pixel(-0.5 * self.table.length, 0.5 * self.table.width))
+        left, top = (math.floor(edge) for edge in self.to_picture(-0.5 * self.table.length, 0.5 * self.table.width))
         inside = (slice(top, self.size[1] - top), slice(left, self.size[0] - left))
         image[inside] = surface[inside]
 
     def _draw_markings(self, image: np.ndarray) -> None:
         """The centre line and circle, and before each goal a half disc in its player's colour."""
         line = max(1.0, LINE_WIDTH * self.scale)
-        ends = np.array([self._pixel(0.0, side * 0.5 * self.table.width) for side in (1.0, -1.0)])
+        ends = np.array([self.to_picture(0.0, side * 0.5 * self.table.width) for side in (1.0, -1.0)])
         raster.stroke(image, ends, line, 1.0, MARKING, 1.0)
-        x, y = self._pixel(0.0, 0.0)
+        x, y = self.to_picture(0.0, 0.0)
         raster.disc(image, x, y, CENTRE_CIRCLE * self.scale, 1.0, SURFACE, 1.0)
         raster.ring(image, x, y, CENTRE_CIRCLE * self.scale, line, 1.0, MARKING, 1.0)
         raster.disc(image, x, y, max(1.0, CENTRE_SPOT * self.scale), 1.0, MARKING, 1.0)
         crease = (0.5 * self.table.goal_width + CREASE_MARGIN) * self.scale
         for side, color in ((-1.0, LEFT), (1.0, RIGHT)):
-            x, y = self._pixel(side * 0.5 * self.table.length, 0.0)
+            x, y = self.to_picture(side * 0.5 * self.table.length, 0.0)
             raster.disc(image, x, y, crease, 1.0, color, 0.10)
             raster.ring(image, x, y, crease, line, 1.0, color, 0.8)
 
@@ -336,14 +340,14 @@ class Renderer:
         radius = HOLE_RADIUS * self.scale
         for column in range(-columns, columns + 1):
             for row in range(-rows, rows + 1):
-                x, y = self._pixel(column * HOLE_SPACING, row * HOLE_SPACING)
+                x, y = self.to_picture(column * HOLE_SPACING, row * HOLE_SPACING)
                 raster.disc(image, x, y, radius, 1.0, HOLE, min(1.0, radius))
 
     def _draw_lip(self, image: np.ndarray) -> None:
         """The bright strip around the surface that the puck bounces off; its inner edge is the wall."""
         inside = 0.5 * LIP_WIDTH
         x, y = 0.5 * self.table.length + inside, 0.5 * self.table.width + inside
-        corners = np.array([self._pixel(*corner) for corner in ((-x, y), (x, y), (x, -y), (-x, -y), (-x, y))])
+        corners = np.array([self.to_picture(*corner) for corner in ((-x, y), (x, y), (x, -y), (-x, -y), (-x, y))])
         # Side by side: the bounding box of one stroke around everything would be the whole table.
         for side in range(4):
             raster.stroke(image, corners[side : side + 2], max(1.0, LIP_WIDTH * self.scale), 1.0, LIP, 1.0)
@@ -353,11 +357,11 @@ class Renderer:
         line = 0.5 * self.table.length
         half = 0.5 * self.table.goal_width
         for grow, shade in ((0.006, POCKET_EDGE), (0.0, POCKET)):
-            near, top = self._pixel(side * line, half)
-            far, bottom = self._pixel(side * (line + POCKET_DEPTH + grow), -half)
+            near, top = self.to_picture(side * line, half)
+            far, bottom = self.to_picture(side * (line + POCKET_DEPTH + grow), -half)
             corner = min(0.02, 0.5 * half) * self.scale
             raster.box(image, min(near, far), top, max(near, far), bottom, corner, 1.0, shade, 1.0)
-        ends = np.array([self._pixel(side * line, half), self._pixel(side * line, -half)])
+        ends = np.array([self.to_picture(side * line, half), self.to_picture(side * line, -half)])
         raster.stroke(image, ends, max(1.5, 1.5 * LINE_WIDTH * self.scale), 1.0, color, 1.0)
         for end in ends:
             raster.disc(image, end[0], end[1], max(1.0, POST_RADIUS * self.scale), 1.0, LIP, 1.0)

@@ -11,7 +11,7 @@ import math
 
 from airhockey_env.compiled import inlined
 from airhockey_env.observations import view
-from airhockey_env.records import LEFT, PUCK
+from airhockey_env.records import LEFT, PUCK, RIGHT
 
 SHAPING_DISCOUNT = 0.99
 
@@ -20,15 +20,15 @@ PROGRESS, SPEED, DISTANCE = 0.2, 0.4, 0.2
 
 
 @inlined
-def potential(table, physics):
-    """How promising the table is for the left player, about -1 to 1.
+def potential(table, physics, player):
+    """How promising the table is for `player` (LEFT or RIGHT), about -1 to 1.
 
     A puck far forward and flying forward is good; and while it is on the own side, so is a paddle close behind it.
     """
-    seen = view(table, LEFT)
+    seen = view(table, player)
     progress = seen.puck_x / physics.half_length
     speed = seen.puck_vx / physics.puck_speed
-    behind_x = seen.puck_x - 1.5 * (physics.radius[LEFT] + physics.radius[PUCK]) - seen.x
+    behind_x = seen.puck_x - 1.5 * (physics.radius[player] + physics.radius[PUCK]) - seen.x
     behind_y = seen.puck_y - seen.y
     distance = math.sqrt(behind_x * behind_x + behind_y * behind_y) / physics.half_length
     own = min(max(-2.0 * progress, 0.0), 1.0)
@@ -36,9 +36,18 @@ def potential(table, physics):
 
 
 @inlined
-def shaping(table, physics, terminated):
-    """The potential-based term for the step that led here; the table remembers the potential for the next one."""
-    before = table.potential
-    after = 0.0 if terminated else potential(table, physics)
-    table.potential = after
+def keep_potentials(table, physics, settings):
+    """Note the potentials of a state that no step led to: those that the next step's shaping starts from."""
+    if settings.shaped:
+        table.potential[LEFT] = potential(table, physics, LEFT)
+        if settings.both_sides:
+            table.potential[RIGHT] = potential(table, physics, RIGHT)
+
+
+@inlined
+def shaping(table, physics, player, terminated):
+    """A player's potential-based term for the step that led here; the table keeps the potential for the next one."""
+    before = table.potential[player]
+    after = 0.0 if terminated else potential(table, physics, player)
+    table.potential[player] = after
     return SHAPING_DISCOUNT * after - before

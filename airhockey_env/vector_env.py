@@ -38,8 +38,8 @@ class AirHockeyVectorEnv(VectorEnv):
             its value. With `DISABLED`, reset the tables that are done by `reset(options={"reset_mask": mask})`.
         num_threads: threads that share a large batch; None takes all cores. The results do not depend on it.
         render_mode: None or `"rgb_array"`; `render()` then returns a tuple of pictures, one a table.
-        task, opponent, opponent_skill, table, continuous, reward, control_hz, render_size: as in `AirHockeyEnv`. A callable
-            opponent is asked once a step, for all tables.
+        task, opponent, opponent_skill, table, continuous, reward, control_hz, render_size: as in `AirHockeyEnv`. A
+            callable opponent is asked once a step, for all tables.
 
     Infos have Gymnasium's vector form: `score` (num_envs, 2), `is_success` (num_envs,), `contacts`
     (`airhockey_env.contacts.BatchContacts`: `infos["contacts"][i]`, until the next step), each with its mask;

@@ -1,9 +1,11 @@
-"""A window on the screen that shows frames at a steady pace."""
+"""A window on the screen that shows frames at a steady pace, and what its user does with keys and mouse."""
 
 from __future__ import annotations
 
 import importlib
 import os
+from collections import deque
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
@@ -47,6 +49,8 @@ class Window:
         self._screen = self._pygame.display.set_mode(self._size)
         self._pygame.display.set_caption(title)
         self._clock = self._pygame.time.Clock()
+        self._pressed: deque[str] = deque(maxlen=16)  # bounded: nobody may ever ask
+        self._pointer: tuple[int, int] | None = None
         Window._shown = self
 
     @property
@@ -54,8 +58,33 @@ class Window:
         """Whether the window is gone: closed by its user, by `close`, or by a later window."""
         return Window._shown is not self
 
-    def show(self, frame: np.ndarray) -> None:
+    @property
+    def pointer(self) -> tuple[int, int] | None:
+        """The pixel that the mouse points at, from the top left; None before the mouse has moved over the window."""
+        return self._pointer
+
+    def pressed(self) -> list[str]:
+        """Names of the keys that were pressed since the last call, in order: "r", "escape".
+
+        Brings `pointer` and `closed` up to date too.
+        """
+        self._listen()
+        keys = list(self._pressed)
+        self._pressed.clear()
+        return keys
+
+    def hold_pointer(self, held: bool) -> None:
+        """Hide the mouse's pointer and keep it within the window, or let it go."""
+        if not self._gone():
+            self._pygame.mouse.set_visible(not held)
+            self._pygame.event.set_grab(held)
+
+    def show(self, frame: np.ndarray, overlay: Callable[[Any], None] | None = None) -> None:
         """Show a frame, uint8 (H, W, 3), and wait until the next one is due.
+
+        Args:
+            frame: the picture.
+            overlay: draws more on top of it; is given the screen, a `pygame.Surface`.
 
         Raises:
             ValueError: the frame's type or shape does not fit the window.
@@ -65,18 +94,35 @@ class Window:
         width, height = self._size
         if frame.dtype != np.uint8 or frame.shape != (height, width, 3):
             raise ValueError(f"frame must be uint8 {(height, width, 3)}, got {frame.dtype} {frame.shape}")
-        # Something else in the process may have shut pygame's display; that is a closed window as well.
-        if not self._pygame.display.get_init() or self._wants_to_close():
-            self.close()
+        self._listen()
+        if self.closed:
             return
         picture = self._pygame.image.frombuffer(np.ascontiguousarray(frame), self._size, "RGB")
         self._screen.blit(picture, (0, 0))
+        if overlay is not None:
+            overlay(self._screen)
         self._pygame.display.flip()
         self._clock.tick(self._fps)
 
-    def _wants_to_close(self) -> bool:
-        # Fetching the events is also what keeps the window answering the desktop.
-        return any(event.type == self._pygame.QUIT for event in self._pygame.event.get())
+    def _gone(self) -> bool:
+        # Something else in the process may have shut pygame's display; that is a closed window as well.
+        if not self.closed and not self._pygame.display.get_init():
+            self.close()
+        return self.closed
+
+    def _listen(self) -> None:
+        """Note what the user did. Fetching the events is also what keeps the window answering the desktop."""
+        if self._gone():
+            return
+        pygame = self._pygame
+        for event in pygame.event.get():
+            if event.type == pygame.QUIT:
+                self.close()
+                return
+            if event.type == pygame.KEYDOWN:
+                self._pressed.append(pygame.key.name(event.key))
+            elif event.type == pygame.MOUSEMOTION:
+                self._pointer = event.pos
 
     def close(self) -> None:
         """Close the window; may be called more than once."""

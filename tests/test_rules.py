@@ -392,7 +392,7 @@ def test_turning_the_table_turns_the_game(name, rate):
         (ax, ay), (bx, by) = chase if drawn[0, 0] > 0.0 else drawn
         ours = step_table(tables[0], law, rules, ax, ay, bx, by, contacts)
         theirs = step_table(mirror[0], law, rules, bx, by, ax, ay, reflected)
-        assert ours == (-theirs[0], *theirs[1:])
+        assert ours == (theirs[1], theirs[0], *theirs[2:])
         expected = turned(tables)
         for field in set(TABLE.names) - {"hits", "potential"}:
             assert (mirror[field] == expected[field]).all(), field
@@ -412,7 +412,7 @@ def test_shaped_reward_is_sparse_plus_a_potential_that_telescopes(name):
     shaped, sparse = (AirHockeyEnv(table=name, reward=r, max_episode_steps=150) for r in ("shaped", "sparse"))
 
     def phi():
-        return float(potential(shaped._game.tables[0], shaped._game.physics[0]))
+        return float(potential(shaped._game.tables[0], shaped._game.physics[0], LEFT))
 
     ends = []
     for seed in range(30):
@@ -438,7 +438,7 @@ def test_shaped_reward_is_sparse_plus_a_potential_that_telescopes(name):
 def test_potential_grows_with_what_is_promising():
     def phi(position, velocity=(0.0, 0.0)):
         env = started(position, velocity)
-        return float(potential(env._game.tables[0], env._game.physics[0]))
+        return float(potential(env._game.tables[0], env._game.physics[0], LEFT))
 
     assert phi((0.5, 0.0)) > phi((0.1, 0.0)) > phi((-0.5, 0.3))
     assert phi((0.1, 0.0), (3.0, 0.0)) > phi((0.1, 0.0)) > phi((0.1, 0.0), (-3.0, 0.0))

@@ -1,0 +1,315 @@
+"""Two players at one table for PettingZoo. The class's docstring is the environment's specification."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from gymnasium import logger, spaces
+from gymnasium.error import DependencyNotInstalled, ResetNeeded
+from numpy.typing import NDArray
+
+from airhockey_env.contacts import Contacts
+from airhockey_env.env import RENDER_MODES, check_render_mode, draw_row, make_renderer
+from airhockey_env.game import Game, check_seed
+from airhockey_env.spaces import action_space, observation_space
+from airhockey_env.tables import TableSpec
+
+try:
+    from pettingzoo.utils import parallel_to_aec
+    from pettingzoo.utils.env import AECEnv, ParallelEnv
+except ImportError as error:
+    raise DependencyNotInstalled(
+        'AirHockeyParallelEnv needs PettingZoo: pip install "airhockey-env[multiagent]"'
+    ) from error
+
+AGENTS = ("left", "right")
+
+TASKS = ("point", "match")
+"""The tasks that are the same for both players."""
+
+
+class AirHockeyParallelEnv(ParallelEnv[str, NDArray[np.float32], Any]):
+    """
+    ## Description
+    Air hockey for two: the game of `AirHockeyEnv`, with the caller at both paddles. The agents are `"left"` and
+    `"right"`; both act in every step, and both play to the end of the episode. With the same seeds and actions, the
+    left agent sees, earns and is told to the bit what `AirHockeyEnv` gives.
+
+    The two sides are the same game. Turn the table by 180 degrees and swap the players, and each agent sees and earns
+    to the bit what the other one did: one policy plays both sides.
+
+    ```python
+    from airhockey_env.parallel_env import AirHockeyParallelEnv
+
+    env = AirHockeyParallelEnv()
+    observations, infos = env.reset(seed=0)
+    while env.agents:
+        actions = {agent: env.action_space(agent).sample() for agent in env.agents}
+        observations, rewards, terminations, truncations, infos = env.step(actions)
+    ```
+
+    `parallel_env(**arguments)` of this module makes this environment, `env(**arguments)` its agent-by-agent (AEC) form.
+
+    ## Action space
+    Of each agent, as in `AirHockeyEnv`: `Box(-1, 1, (2,), float32)`, the paddle's target velocity as the agent sees
+    it (x towards the opponent, y to its left), or `Discrete(9)` with `continuous=False`. `step` takes a mapping with
+    one action for each agent.
+
+    ## Observation space
+    Of each agent, as in `AirHockeyEnv`: `Box(-1, 1, (13,), float32)`, from its own side (own goal at -x).
+
+    ## Global state
+    `state()`, in `state_space`: the left agent's observation, which holds the whole table.
+
+    ## Rewards
+    `reward="sparse"`: +1 for a goal, -1 for a goal against, else 0: a zero-sum game. `reward="shaped"`: that, plus
+    0.99 * potential(after) - potential(before) for each agent, each with the potential from its own side (which
+    counts its own paddle, so the terms of the two do not cancel out); it leaves the best policy for a discount of 0.99
+    what it was. See `airhockey_env.rewards`.
+
+    ## Starting state and rules
+    As in `AirHockeyEnv`, options of `reset` included.
+
+    ## Episode end
+    Both agents terminate with a goal; with `task="match"`, with the seventh of one side. Both are truncated after
+    `max_episode_steps`, unless that step terminates. `agents` is empty then, until the next `reset`; `step({})` gives
+    five empty dicts, and any other `step` raises `gymnasium.error.ResetNeeded`.
+
+    ## Info
+    Of each agent: `score`: (2,) int32, own and opponent's. `contacts`: those of this step (see
+    `airhockey_env.contacts.Contacts`), in the table's coordinates, the same for both. `is_success`: True for the agent
+    that wins the episode, on the step that ends it.
+
+    ## Arguments
+    | argument | values | default |
+    |---|---|---|
+    | `task` | `"point"` or `"match"` (first to 7; give it more steps) | `"point"` |
+    | `table` | `"full_size"`, `"challenge"`, `"ideal"` or a `TableSpec` | `"full_size"` |
+    | `continuous` | True or False, see above | True |
+    | `reward` | `"sparse"` or `"shaped"` | `"sparse"` |
+    | `control_hz` | 10 to 240: control steps per second | 50 |
+    | `max_episode_steps` | whole number or None: steps after which an episode is truncated | 1500 |
+    | `render_mode` | None, `"rgb_array"`, `"human"` | None |
+    | `render_size` | (width, height) px or None | None |
+
+    Each argument out of range raises ValueError naming it.
+
+    ## Version history
+    * v0: first version.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012
+        "name": "air_hockey_v0",
+        "render_modes": list(RENDER_MODES),
+        "render_fps": 50,
+        "is_parallelizable": True,
+    }
+
+    def __init__(
+        self,
+        *,
+        task: str = "point",
+        table: str | TableSpec = "full_size",
+        continuous: bool = True,
+        reward: str = "sparse",
+        control_hz: float = 50,
+        max_episode_steps: int | None = 1500,
+        render_mode: str | None = None,
+        render_size: tuple[int, int] | None = None,
+    ) -> None:
+        if not isinstance(task, str) or task not in TASKS:
+            raise ValueError(f"task must be one of {TASKS}, those that both sides share; got {task!r}")
+        self._game = Game(
+            1,
+            task=task,
+            table=table,
+            opponent=None,
+            continuous=continuous,
+            reward=reward,
+            control_hz=control_hz,
+            max_episode_steps=max_episode_steps,
+            num_threads=1,
+        )
+        self.render_mode = check_render_mode(render_mode, RENDER_MODES)
+        self.metadata = {**type(self).metadata, "render_fps": round(self._game.control_hz)}
+        self.possible_agents = list(AGENTS)
+        self.agents: list[str] = []
+        self.observation_spaces = {agent: observation_space() for agent in AGENTS}
+        self.action_spaces = {agent: action_space(self._game.continuous) for agent in AGENTS}
+        self.state_space = observation_space()
+        self._renderer = None if render_mode is None else make_renderer(self._game.spec, render_size)
+        self._window: Any = None
+        self._seeded = False
+
+    def observation_space(self, agent: str) -> spaces.Box:
+        """The observation space of an agent: always the same object."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Box | spaces.Discrete:
+        """The action space of an agent: always the same object."""
+        return self.action_spaces[agent]
+
+    @property
+    def table(self) -> TableSpec:
+        """The table in play."""
+        return self._game.spec
+
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """(3, 2) m, a copy: left paddle, right paddle, puck; centred on the table, x along its length."""
+        return self._game.tables["position"][0].copy()
+
+    @property
+    def velocities(self) -> NDArray[np.float64]:
+        """(3, 2) m/s, a copy: left paddle, right paddle, puck."""
+        return self._game.tables["velocity"][0].copy()
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, NDArray[np.float32]], dict[str, dict[str, Any]]]:
+        """Begin an episode.
+
+        Args:
+            seed: starts the table's random stream anew; without it the stream goes on.
+            options: `"serve"`: `"left"`, `"right"` or `"random"`; `"puck_position"`, `"puck_velocity"`: two numbers
+                each, m and m/s. `"options"` is ignored: PettingZoo's tests pass it.
+
+        Raises:
+            ValueError: an option or the seed is unknown or out of range. The state is as it was then.
+        """
+        if isinstance(options, Mapping):
+            options = {name: value for name, value in options.items() if name != "options"}
+        checked = self._game.check_reset_options(options)
+        if seed is not None:
+            seed = check_seed(seed)
+        elif not self._seeded:
+            seed = int(np.random.SeedSequence().generate_state(1, np.uint64)[0])
+        if seed is not None:
+            self._game.seed([seed])
+            self._seeded = True
+        self._game.reset(options=checked)
+        self.agents = list(AGENTS)
+        if self.render_mode == "human":
+            self.render()
+        return self._observations(), self._infos()
+
+    def step(
+        self, actions: Mapping[str, Any]
+    ) -> tuple[
+        dict[str, NDArray[np.float32]],
+        dict[str, float],
+        dict[str, bool],
+        dict[str, bool],
+        dict[str, dict[str, Any]],
+    ]:
+        """Play one control step.
+
+        Args:
+            actions: one for each agent. With no agents left, `{}` gives five empty dicts.
+
+        Raises:
+            ValueError: an agent's action is missing, has the wrong shape or is not finite, or there is one of an agent
+                that does not play. Nothing has changed then.
+            gymnasium.error.ResetNeeded: the episode is over, or none has begun.
+        """
+        game, out = self._game, self._game.out
+        if not self.agents:
+            if game.begun and isinstance(actions, Mapping) and not actions:
+                return {}, {}, {}, {}, {}
+            raise ResetNeeded("the episode is over: reset before step" if game.begun else "reset before step")
+        if not isinstance(actions, Mapping) or actions.keys() != self.action_spaces.keys():
+            given = list(actions) if isinstance(actions, Mapping) else actions
+            raise ValueError(f"actions must map each of {list(AGENTS)} to its action, got {given!r}")
+        left, right = (game.check_action(actions[agent], f"actions[{agent!r}]") for agent in AGENTS)
+        game.step(left, right)
+        terminated, truncated = bool(out.terminated[0]), bool(out.truncated[0])
+        if terminated or truncated:
+            self.agents = []
+        if self.render_mode == "human":
+            self.render()
+        return (
+            self._observations(),
+            {"left": float(out.reward[0]), "right": float(out.other_reward[0])},
+            dict.fromkeys(AGENTS, terminated),
+            dict.fromkeys(AGENTS, truncated),
+            self._infos(),
+        )
+
+    def state(self) -> NDArray[np.float32]:
+        """The whole table, as the left agent sees it: (13,) float32.
+
+        Raises:
+            gymnasium.error.ResetNeeded: no episode has begun.
+        """
+        if not self._game.begun:
+            raise ResetNeeded("reset before state")
+        return self._game.out.observation[0].copy()
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """The picture as (height, width, 3) uint8 in `"rgb_array"` mode; shows it in a window in `"human"` mode."""
+        if self._renderer is None:
+            logger.warn("render() needs a render_mode: AirHockeyParallelEnv(render_mode='rgb_array')")
+            return None
+        frame = draw_row(self._renderer, self._game, 0)
+        if self.render_mode == "rgb_array":
+            return frame
+        if self._window is None:
+            from airhockey_env.window import Window
+
+            height, width = frame.shape[:2]
+            self._window = Window((width, height), "Air hockey", self.metadata["render_fps"])
+        self._window.show(frame)
+        return None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._window is not None:
+            self._window.close()
+            self._window = None
+
+    def get_state(self) -> NDArray[np.void]:
+        """Everything that decides what happens next: (1,) record, random stream and clocks included."""
+        return self._game.get_state()
+
+    def set_state(self, state: NDArray[np.void]) -> None:
+        """Go on from a state that `get_state` returned: what follows is the same to the bit. `agents` follows it.
+
+        Raises:
+            ValueError: not such a state. Nothing has changed then.
+        """
+        self._game.set_state(state)
+        self._seeded = True
+        table = self._game.tables[0]
+        self.agents = [] if table["done"] or table["side"] == 0 else list(AGENTS)
+
+    def _observations(self) -> dict[str, NDArray[np.float32]]:
+        out = self._game.out
+        return {"left": out.observation[0].copy(), "right": out.other_observation[0].copy()}
+
+    def _infos(self) -> dict[str, dict[str, Any]]:
+        game = self._game
+        score, count = game.tables["score"][0], game.tables["n_contacts"][0]
+        over = bool(game.out.terminated[0]) and bool(game.tables["done"][0])
+        return {
+            agent: {
+                "score": score[[own, 1 - own]],
+                "contacts": Contacts(game.out.contacts[0, :count].copy()),
+                "is_success": over and bool(score[own] > score[1 - own]),
+            }
+            for own, agent in enumerate(AGENTS)
+        }
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_window": None}  # a copy opens its own
+
+
+def parallel_env(**arguments: Any) -> AirHockeyParallelEnv:
+    """An `AirHockeyParallelEnv`, by the name that PettingZoo's modules have for it."""
+    return AirHockeyParallelEnv(**arguments)
+
+
+def env(**arguments: Any) -> AECEnv:
+    """An `AirHockeyParallelEnv` in PettingZoo's agent-by-agent (AEC) form: `"left"`, then `"right"`, then the step."""
+    return parallel_to_aec(parallel_env(**arguments))
