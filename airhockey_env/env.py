@@ -56,6 +56,14 @@ class AirHockeyEnv(gym.Env):
     | 11 | puck velocity y | puck's greatest speed |
     | 12 | shot clock: share used, + on own side, - on the far side | 7 s |
 
+    With `obs_type="rgb"`, `Box(0, 255, (84, 84, 3), uint8)`, and with `"grayscale"`, `Box(0, 255, (84, 84), uint8)`: a
+    picture of the same, likewise from the player's own side. The own goal is on the left, y points up, and the colours
+    belong to the roles: own paddle pink (light grey), opponent's blue (dark grey), puck cream (nearly white). The bar
+    on top is the shot clock: it grows from the middle towards the side that the puck is on, full at the foul. The table
+    fills the picture whatever its shape, with discs stretched alike; positions show to a tenth of a pixel and less, by
+    anti-aliasing. Velocities do not show in one picture: stack several
+    (`gymnasium.wrappers.FrameStackObservation(env, 4)`).
+
     ## Rewards
     `reward="sparse"`: +1 for a goal, -1 for a goal against, else 0. `reward="shaped"`: that, plus
     0.99 * potential(after) - potential(before), a potential-based term that leaves the best policy for a discount of
@@ -86,6 +94,7 @@ class AirHockeyEnv(gym.Env):
     | `opponent` | `"idle"`, `"random"`, `"goalie"`, `"striker"`, or a callable: float32 observations (N, 13) from its own side to actions (N, 2) | `"striker"` |
     | `opponent_skill` | 0 to 1: share of its paddle's speed that a scripted opponent uses | 1.0 |
     | `table` | `"full_size"`, `"challenge"`, `"ideal"` or a `TableSpec` | `"full_size"` |
+    | `obs_type` | `"state"`, `"rgb"`, `"grayscale"`, see above; a callable opponent sees states all the same | `"state"` |
     | `continuous` | True or False, see above | True |
     | `reward` | `"sparse"` or `"shaped"` | `"sparse"` |
     | `control_hz` | 10 to 240: control steps per second | 50 |
@@ -108,6 +117,7 @@ class AirHockeyEnv(gym.Env):
         opponent: str | Policy = "striker",
         opponent_skill: float = 1.0,
         table: str | TableSpec = "full_size",
+        obs_type: str = "state",
         continuous: bool = True,
         reward: str = "sparse",
         control_hz: float = 50,
@@ -121,6 +131,7 @@ class AirHockeyEnv(gym.Env):
             table=table,
             opponent=check_opponent(opponent),
             opponent_skill=opponent_skill,
+            obs_type=obs_type,
             continuous=continuous,
             reward=reward,
             control_hz=control_hz,
@@ -129,7 +140,7 @@ class AirHockeyEnv(gym.Env):
         )
         self.render_mode = check_render_mode(render_mode, RENDER_MODES)
         self.metadata = {**type(self).metadata, "render_fps": round(self._game.control_hz)}
-        self.observation_space = observation_space()
+        self.observation_space = observation_space(self._game.obs_type)
         self.action_space = action_space(self._game.continuous)
         self._renderer = None if render_mode is None else make_renderer(self._game.spec, render_size)
         self._window: Any = None
@@ -152,7 +163,7 @@ class AirHockeyEnv(gym.Env):
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+    ) -> tuple[NDArray[Any], dict[str, Any]]:
         """Begin an episode.
 
         Args:
@@ -174,9 +185,9 @@ class AirHockeyEnv(gym.Env):
         self._game.reset(options=checked)
         if self.render_mode == "human":
             self.render()
-        return self._game.out.observation[0].copy(), self._info()
+        return self._observation(), self._info()
 
-    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[NDArray[Any], float, bool, bool, dict[str, Any]]:
         """Play one control step.
 
         Raises:
@@ -189,7 +200,7 @@ class AirHockeyEnv(gym.Env):
         info = self._info()
         if self.render_mode == "human":
             self.render()
-        return out.observation[0].copy(), float(out.reward[0]), terminated, bool(out.truncated[0]), info
+        return self._observation(), float(out.reward[0]), terminated, bool(out.truncated[0]), info
 
     def render(self) -> NDArray[np.uint8] | None:
         """The picture as (height, width, 3) uint8 in `"rgb_array"` mode; shows it in a window in `"human"` mode."""
@@ -225,6 +236,11 @@ class AirHockeyEnv(gym.Env):
         """
         self._game.set_state(state)
         self._seeded = True
+
+    def _observation(self) -> NDArray[Any]:
+        if self._game.pixels is None:  # quickly
+            return self._game.out.observation[0].copy()
+        return self._game.observations()[0]
 
     def _info(self) -> dict[str, Any]:
         tables = self._game.tables

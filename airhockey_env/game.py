@@ -17,6 +17,7 @@ from airhockey_env.compiled import records
 from airhockey_env.engine.records import CONTACT
 from airhockey_env.engine.tolerances import OVERLAP
 from airhockey_env.opponents import EXTERNAL, SCRIPTED
+from airhockey_env.pixels import CHANNELS, Pixels
 from airhockey_env.random_stream import stream_from_seed
 from airhockey_env.records import (
     AUTORESET_DISABLED,
@@ -35,9 +36,12 @@ Policy = Callable[[NDArray[np.float32]], ArrayLike]
 """An opponent from outside: float32 observations (N, 13), seen from its own side, to actions (N, 2)."""
 
 REWARDS = ("sparse", "shaped")
+OBS_TYPES = ("state", *CHANNELS)
 CONTROL_HZ = (10, 240)
 ROWS_PER_THREAD = 1024
 """Fewer tables than this are not worth waking a thread for."""
+PICTURES_PER_THREAD = 64
+"""Nor fewer pictures than this."""
 
 DIRECTIONS = np.array(
     [[0, 0], [1, 0], [math.sqrt(0.5), math.sqrt(0.5)], [0, 1], [-math.sqrt(0.5), math.sqrt(0.5)],
@@ -84,6 +88,8 @@ class Game:
 
     Attributes:
         spec: the `TableSpec` in play.
+        obs_type: what `shown` makes of observations.
+        pixels: draws them, or None.
         tables: (N,) records of `TABLE`: the whole state.
         out: `Outputs` of the last reset or step; overwritten by the next.
     """
@@ -96,6 +102,7 @@ class Game:
         player: str | None = None,
         opponent: str | Policy | None = "striker",
         opponent_skill: ArrayLike = 1.0,
+        obs_type: str = "state",
         continuous: bool = True,
         reward: str = "sparse",
         control_hz: float = 50,
@@ -111,6 +118,10 @@ class Game:
         self._policy = opponent if callable(opponent) else None
         if reward not in REWARDS:
             raise ValueError(f"reward must be one of {REWARDS}, got {reward!r}")
+        if not isinstance(obs_type, str) or obs_type not in OBS_TYPES:
+            raise ValueError(f"obs_type must be one of {OBS_TYPES}, got {obs_type!r}")
+        self.obs_type = obs_type
+        self.pixels = Pixels(obs_type) if obs_type in CHANNELS else None
         if not isinstance(continuous, (bool, np.bool_)):
             raise ValueError(f"continuous must be True or False, got {continuous!r}")
         self.continuous = bool(continuous)
@@ -214,19 +225,25 @@ class Game:
                 )
         if others is None:
             others = self._others if self._policy is None else self._ask(self._policy)
-        threads = min(self.num_threads, n // ROWS_PER_THREAD)
-        if threads < 2:
-            self._step_rows(0, n, targets, others)
-            return
-        if self._threads is None:
-            self._threads = ThreadPoolExecutor(threads - 1, thread_name_prefix="airhockey")
-        bounds = [n * k // threads for k in range(threads + 1)]
-        parts = [
-            self._threads.submit(self._step_rows, bounds[k], bounds[k + 1], targets, others) for k in range(1, threads)
-        ]
-        self._step_rows(0, bounds[1], targets, others)
-        for part in parts:
-            part.result()
+        self._share(n, ROWS_PER_THREAD, self._step_rows, targets, others)
+
+    def observations(self) -> NDArray[Any]:
+        """Fresh observations of the left players, as `obs_type` says: (N, ...)."""
+        return self.shown(self.out.observation)
+
+    def shown(self, observations: NDArray[np.float32], rows: NDArray[np.int64] | None = None) -> NDArray[Any]:
+        """State observations (n, 13) of all tables, or of those numbered by `rows`, as `obs_type` says; a fresh array.
+
+        float32 (n, 13), a copy; or pictures, uint8 (n, 84, 84, 3) or (n, 84, 84).
+        """
+        if self.pixels is None:
+            return observations.copy()
+        n = len(observations)
+        physics = self.physics if rows is None or len(self.physics) == 1 else self.physics[rows]
+        background = self.pixels.background(physics)
+        frames = self.pixels.blank(n, again=rows is None)
+        self._share(n, PICTURES_PER_THREAD, self.pixels.draw, observations, physics, background, frames)
+        return frames if frames.shape[-1] > 1 else frames[..., 0]
 
     def get_state(self, rows: NDArray[np.int64] | slice = slice(None)) -> NDArray[np.void]:
         """A copy of everything that decides what happens next on the given tables."""
@@ -253,6 +270,20 @@ class Game:
     def _note_begun(self) -> None:
         """Whether every table has begun an episode: a puck that was served is on a side."""
         self.begun = self.begun or bool(self.tables["side"].all())
+
+    def _share(self, n: int, rows_per_thread: int, work: Callable[..., None], *arguments: Any) -> None:
+        """Do `work(first, last, *arguments)` for n rows, in parts for several threads where these are worth it."""
+        threads = min(self.num_threads, n // rows_per_thread)
+        if threads < 2:
+            work(0, n, *arguments)
+            return
+        if self._threads is None:
+            self._threads = ThreadPoolExecutor(self.num_threads - 1, thread_name_prefix="airhockey")
+        bounds = [n * k // threads for k in range(threads + 1)]
+        parts = [self._threads.submit(work, bounds[k], bounds[k + 1], *arguments) for k in range(1, threads)]
+        work(0, bounds[1], *arguments)
+        for part in parts:
+            part.result()
 
     def _step_rows(self, first: int, last: int, targets: NDArray[np.float32], others: NDArray[np.float32]) -> None:
         kernel.step_rows(first, last, self.tables, self.physics, self.settings, targets, others, self.out)

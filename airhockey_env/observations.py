@@ -39,21 +39,27 @@ def view(table, player):
 
 
 @inlined
+def _share(value, scale):
+    """The share of a scale. Zero has no sign in it: it would be all that tells the two sides apart."""
+    return value * scale + 0.0
+
+
+@inlined
 def observe(table, physics, player, out, i):
     """Write a player's observation of the table to row i of `out`, (N, 13) float32; see `AirHockeyEnv`."""
     seen = view(table, player)
-    out[i, 0] = seen.x * physics.per_x
-    out[i, 1] = seen.y * physics.per_y
-    out[i, 2] = seen.vx * physics.per_paddle
-    out[i, 3] = seen.vy * physics.per_paddle
-    out[i, 4] = seen.other_x * physics.per_x
-    out[i, 5] = seen.other_y * physics.per_y
-    out[i, 6] = seen.other_vx * physics.per_paddle
-    out[i, 7] = seen.other_vy * physics.per_paddle
-    out[i, 8] = seen.puck_x * physics.per_x
-    out[i, 9] = seen.puck_y * physics.per_y
-    out[i, 10] = seen.puck_vx * physics.per_puck
-    out[i, 11] = seen.puck_vy * physics.per_puck
+    out[i, 0] = _share(seen.x, physics.per_x)
+    out[i, 1] = _share(seen.y, physics.per_y)
+    out[i, 2] = _share(seen.vx, physics.per_paddle)
+    out[i, 3] = _share(seen.vy, physics.per_paddle)
+    out[i, 4] = _share(seen.other_x, physics.per_x)
+    out[i, 5] = _share(seen.other_y, physics.per_y)
+    out[i, 6] = _share(seen.other_vx, physics.per_paddle)
+    out[i, 7] = _share(seen.other_vy, physics.per_paddle)
+    out[i, 8] = _share(seen.puck_x, physics.per_x)
+    out[i, 9] = _share(seen.puck_y, physics.per_y)
+    out[i, 10] = _share(seen.puck_vx, physics.per_puck)
+    out[i, 11] = _share(seen.puck_vy, physics.per_puck)
     own_side = table.side < 0 if player == LEFT else table.side > 0
     used = table.clock * physics.per_clock
-    out[i, 12] = used if own_side else -used
+    out[i, 12] = used if own_side else 0.0 - used

@@ -28,8 +28,8 @@ def _towards(seen, physics, x, y):
     """The action that brings the paddle to a place and stops it there: no faster than it can brake on the way."""
     dx, dy = x - seen.x, y - seen.y
     distance = math.sqrt(dx * dx + dy * dy)
-    braking = math.sqrt(1.4 * physics.paddle_step / physics.tick * distance)
-    speed = min(braking, distance / physics.tick, physics.paddle_speed)
+    braking = math.sqrt(0.7 * physics.paddle_step / physics.tick * distance)
+    speed = min(braking, 0.6 * distance / physics.tick, physics.paddle_speed)
     share = speed / (physics.paddle_speed * max(distance, 1e-9))
     return dx * share, dy * share
 

@@ -11,6 +11,7 @@ from gymnasium.error import DependencyNotInstalled, ResetNeeded
 from numpy.typing import NDArray
 
 from airhockey_env.contacts import Contacts
+from airhockey_env.engine.records import CONTACT
 from airhockey_env.env import RENDER_MODES, check_render_mode, draw_row, make_renderer
 from airhockey_env.game import Game, check_seed
 from airhockey_env.spaces import action_space, observation_space
@@ -29,8 +30,10 @@ AGENTS = ("left", "right")
 TASKS = ("point", "match")
 """The tasks that are the same for both players."""
 
+NO_CONTACTS = Contacts(np.zeros(0, CONTACT))
 
-class AirHockeyParallelEnv(ParallelEnv[str, NDArray[np.float32], Any]):
+
+class AirHockeyParallelEnv(ParallelEnv[str, NDArray[Any], Any]):
     """
     ## Description
     Air hockey for two: the game of `AirHockeyEnv`, with the caller at both paddles. The agents are `"left"` and
@@ -58,10 +61,11 @@ class AirHockeyParallelEnv(ParallelEnv[str, NDArray[np.float32], Any]):
     one action for each agent.
 
     ## Observation space
-    Of each agent, as in `AirHockeyEnv`: `Box(-1, 1, (13,), float32)`, from its own side (own goal at -x).
+    Of each agent, as in `AirHockeyEnv`: `Box(-1, 1, (13,), float32)`, from its own side (own goal at -x); or, with
+    `obs_type`, pictures, likewise from its own side.
 
     ## Global state
-    `state()`, in `state_space`: the left agent's observation, which holds the whole table.
+    `state()`, in `state_space`: `Box(-1, 1, (13,), float32)`, the whole table as the left agent sees it.
 
     ## Rewards
     `reward="sparse"`: +1 for a goal, -1 for a goal against, else 0: a zero-sum game. `reward="shaped"`: that, plus
@@ -87,6 +91,7 @@ class AirHockeyParallelEnv(ParallelEnv[str, NDArray[np.float32], Any]):
     |---|---|---|
     | `task` | `"point"` or `"match"` (first to 7; give it more steps) | `"point"` |
     | `table` | `"full_size"`, `"challenge"`, `"ideal"` or a `TableSpec` | `"full_size"` |
+    | `obs_type` | `"state"`, `"rgb"` or `"grayscale"`, as in `AirHockeyEnv` | `"state"` |
     | `continuous` | True or False, see above | True |
     | `reward` | `"sparse"` or `"shaped"` | `"sparse"` |
     | `control_hz` | 10 to 240: control steps per second | 50 |
@@ -112,6 +117,7 @@ class AirHockeyParallelEnv(ParallelEnv[str, NDArray[np.float32], Any]):
         *,
         task: str = "point",
         table: str | TableSpec = "full_size",
+        obs_type: str = "state",
         continuous: bool = True,
         reward: str = "sparse",
         control_hz: float = 50,
@@ -126,6 +132,7 @@ class AirHockeyParallelEnv(ParallelEnv[str, NDArray[np.float32], Any]):
             task=task,
             table=table,
             opponent=None,
+            obs_type=obs_type,
             continuous=continuous,
             reward=reward,
             control_hz=control_hz,
@@ -136,7 +143,7 @@ class AirHockeyParallelEnv(ParallelEnv[str, NDArray[np.float32], Any]):
         self.metadata = {**type(self).metadata, "render_fps": round(self._game.control_hz)}
         self.possible_agents = list(AGENTS)
         self.agents: list[str] = []
-        self.observation_spaces = {agent: observation_space() for agent in AGENTS}
+        self.observation_spaces = {agent: observation_space(self._game.obs_type) for agent in AGENTS}
         self.action_spaces = {agent: action_space(self._game.continuous) for agent in AGENTS}
         self.state_space = observation_space()
         self._renderer = None if render_mode is None else make_renderer(self._game.spec, render_size)
@@ -168,7 +175,7 @@ class AirHockeyParallelEnv(ParallelEnv[str, NDArray[np.float32], Any]):
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[dict[str, NDArray[np.float32]], dict[str, dict[str, Any]]]:
+    ) -> tuple[dict[str, NDArray[Any]], dict[str, dict[str, Any]]]:
         """Begin an episode.
 
         Args:
@@ -198,7 +205,7 @@ class AirHockeyParallelEnv(ParallelEnv[str, NDArray[np.float32], Any]):
     def step(
         self, actions: Mapping[str, Any]
     ) -> tuple[
-        dict[str, NDArray[np.float32]],
+        dict[str, NDArray[Any]],
         dict[str, float],
         dict[str, bool],
         dict[str, bool],
@@ -284,22 +291,21 @@ class AirHockeyParallelEnv(ParallelEnv[str, NDArray[np.float32], Any]):
         table = self._game.tables[0]
         self.agents = [] if table["done"] or table["side"] == 0 else list(AGENTS)
 
-    def _observations(self) -> dict[str, NDArray[np.float32]]:
-        out = self._game.out
-        return {"left": out.observation[0].copy(), "right": out.other_observation[0].copy()}
+    def _observations(self) -> dict[str, NDArray[Any]]:
+        game, out = self._game, self._game.out
+        if game.pixels is None:  # quickly
+            return {"left": out.observation[0].copy(), "right": out.other_observation[0].copy()}
+        return {"left": game.shown(out.observation)[0], "right": game.shown(out.other_observation)[0]}
 
     def _infos(self) -> dict[str, dict[str, Any]]:
         game = self._game
         score, count = game.tables["score"][0], game.tables["n_contacts"][0]
-        over = bool(game.out.terminated[0]) and bool(game.tables["done"][0])
-        return {
-            agent: {
-                "score": score[[own, 1 - own]],
-                "contacts": Contacts(game.out.contacts[0, :count].copy()),
-                "is_success": over and bool(score[own] > score[1 - own]),
-            }
-            for own, agent in enumerate(AGENTS)
-        }
+        over = not self.agents and bool(game.out.terminated[0])
+        infos = {}
+        for agent, own in (("left", score.copy()), ("right", score[::-1].copy())):
+            contacts = Contacts(game.out.contacts[0, :count].copy()) if count else NO_CONTACTS
+            infos[agent] = {"score": own, "contacts": contacts, "is_success": over and bool(own[0] > own[1])}
+        return infos
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_window": None}  # a copy opens its own

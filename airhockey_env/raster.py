@@ -20,7 +20,9 @@ import math
 
 import numpy as np
 
-from airhockey_env.compiled import compiled
+from airhockey_env.compiled import compiled, inlined
+
+TINY = 1e-12
 
 
 @compiled
@@ -64,6 +66,25 @@ def disc(image, x, y, radius, softness, color, alpha):
                 blend(image, row, column, color, alpha)
             elif squared < reach * reach:
                 blend(image, row, column, color, alpha * coverage(math.sqrt(squared) - radius, softness))
+
+
+@inlined
+def ellipse(image, x, y, radius_x, radius_y, softness, color, alpha):
+    """Fill an upright ellipse; see the module for the arguments."""
+    reach_x, reach_y = radius_x + 0.5 * softness, radius_y + 0.5 * softness
+    top, bottom = span(y - reach_y, y + reach_y, image.shape[0])
+    left, right = span(x - reach_x, x + reach_x, image.shape[1])
+    per_x, per_y = 1.0 / (radius_x * radius_x), 1.0 / (radius_y * radius_y)
+    for row in range(top, bottom):
+        dy = row + 0.5 - y
+        level_y, slope_y = dy * dy * per_y, (dy * per_y) * (dy * per_y)
+        for column in range(left, right):
+            dx = column + 0.5 - x
+            # The square of a level that is 1 on the rim. What is missing from 1, divided by the slope, is the
+            # distance: exact on the axes and close to it near the rim. (The very centre has no slope.)
+            level = dx * dx * per_x + level_y
+            slope = math.sqrt((dx * per_x) * (dx * per_x) + slope_y + TINY)
+            blend(image, row, column, color, alpha * coverage((level - math.sqrt(level)) / slope, softness))
 
 
 @compiled

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium import spaces
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
@@ -31,6 +32,9 @@ class AirHockeySB3VecEnv(VecEnv):
     Episodes restart in the step that ends them. The info of that step holds `terminal_observation`,
     `TimeLimit.truncated`, `score` and `is_success`; the infos of other steps are empty, so that a step of many tables
     does not make many objects. `VecMonitor` and the other wrappers of Stable-Baselines3 work on top.
+
+    Pictures have an axis of channels, as Stable-Baselines3's `VecFrameStack` and `CnnPolicy` need it:
+    `obs_type="grayscale"` gives (84, 84, 1) here.
 
     Args:
         num_envs: number of tables.
@@ -63,7 +67,10 @@ class AirHockeySB3VecEnv(VecEnv):
         self._state = self._game.tables
         self._targets: NDArray[np.float32] | None = None
         self._seeded = False
-        super().__init__(self._game.num_tables, observation_space(), action_space(self._game.continuous))
+        space = observation_space(self._game.obs_type)
+        if self._game.obs_type == "grayscale":
+            space = spaces.Box(0, 255, (*space.shape, 1), np.uint8)
+        super().__init__(self._game.num_tables, space, action_space(self._game.continuous))
 
     @property
     def table(self) -> TableSpec:
@@ -80,7 +87,7 @@ class AirHockeySB3VecEnv(VecEnv):
         """(num_envs, 3, 2) m/s, a copy: left paddle, right paddle, puck."""
         return self._state["velocity"].copy()
 
-    def reset(self) -> NDArray[np.float32]:
+    def reset(self) -> NDArray[Any]:
         """Begin an episode on every table; with the seeds of `seed` and the options of `set_options`, if given."""
         options = [self._game.check_reset_options(one) for one in self._options]
         if not self._seeded and self._seeds[0] is None:
@@ -92,7 +99,7 @@ class AirHockeySB3VecEnv(VecEnv):
         self._reset_seeds()
         self._reset_options()
         self.reset_infos = [{} for _ in range(self.num_envs)]
-        return self._game.out.observation.copy()
+        return self._with_channels(self._game.observations())
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Seed the next reset: the first table with `seed`, the next with the number after it, and so on.
@@ -123,7 +130,7 @@ class AirHockeySB3VecEnv(VecEnv):
         """
         self._targets = self._game.check_actions(actions)
 
-    def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+    def step_wait(self) -> tuple[NDArray[Any], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """Play the step."""
         if self._targets is None:
             raise RuntimeError("call step_async before step_wait")
@@ -132,15 +139,17 @@ class AirHockeySB3VecEnv(VecEnv):
         self._targets = None
         dones = out.terminated | out.truncated
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        for i in np.flatnonzero(dones):
+        rows = np.flatnonzero(dones)
+        finals = self._with_channels(self._game.shown(out.final_observation[rows], rows)) if len(rows) else ()
+        for i, final in zip(rows, finals, strict=True):
             score = out.final_score[i].copy()
             infos[i] = {
-                "terminal_observation": out.final_observation[i].copy(),
+                "terminal_observation": final,
                 "TimeLimit.truncated": bool(out.truncated[i]),
                 "score": score,
                 "is_success": bool(out.success[i]),
             }
-        return out.observation.copy(), out.reward.astype(np.float32), dones, infos
+        return self._with_channels(self._game.observations()), out.reward.astype(np.float32), dones, infos
 
     def get_images(self) -> Sequence[np.ndarray | None]:
         """A picture of every table."""
@@ -169,6 +178,9 @@ class AirHockeySB3VecEnv(VecEnv):
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
         """No table is wrapped."""
         return [False for _ in self._rows(indices)]
+
+    def _with_channels(self, observations: NDArray[Any]) -> NDArray[Any]:
+        return observations[..., None] if self._game.obs_type == "grayscale" else observations
 
     def _rows(self, indices: Any) -> list[int]:
         chosen: Iterable[int] = self._get_indices(indices)

@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 from gymnasium import spaces
 
+from airhockey_env.pixels import CHANNELS, SIZE
 from airhockey_env.records import OBSERVATION_SIZE
 
 
-def observation_space() -> spaces.Box:
-    """State observations: see `AirHockeyEnv`."""
+def observation_space(obs_type: str = "state") -> spaces.Box:
+    """State observations or pictures: see `AirHockeyEnv`."""
+    if obs_type in CHANNELS:
+        shape = (SIZE, SIZE) if CHANNELS[obs_type] == 1 else (SIZE, SIZE, CHANNELS[obs_type])
+        return spaces.Box(0, 255, shape, np.uint8)
     return spaces.Box(-1.0, 1.0, (OBSERVATION_SIZE,), np.float32)
 
 

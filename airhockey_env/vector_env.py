@@ -38,8 +38,8 @@ class AirHockeyVectorEnv(VectorEnv):
             its value. With `DISABLED`, reset the tables that are done by `reset(options={"reset_mask": mask})`.
         num_threads: threads that share a large batch; None takes all cores. The results do not depend on it.
         render_mode: None or `"rgb_array"`; `render()` then returns a tuple of pictures, one a table.
-        task, opponent, opponent_skill, table, continuous, reward, control_hz, render_size: as in `AirHockeyEnv`. A
-            callable opponent is asked once a step, for all tables.
+        task, opponent, opponent_skill, table, obs_type, continuous, reward, control_hz, render_size: as in
+            `AirHockeyEnv`. A callable opponent is asked once a step, for all tables.
 
     Infos have Gymnasium's vector form: `score` (num_envs, 2), `is_success` (num_envs,), `contacts`
     (`airhockey_env.contacts.BatchContacts`: `infos["contacts"][i]`, until the next step), each with its mask;
@@ -65,6 +65,7 @@ class AirHockeyVectorEnv(VectorEnv):
         opponent: str | Policy = "striker",
         opponent_skill: float = 1.0,
         table: str | TableSpec = "full_size",
+        obs_type: str = "state",
         continuous: bool = True,
         reward: str = "sparse",
         control_hz: float = 50,
@@ -82,6 +83,7 @@ class AirHockeyVectorEnv(VectorEnv):
             table=table,
             opponent=check_opponent(opponent),
             opponent_skill=opponent_skill,
+            obs_type=obs_type,
             continuous=continuous,
             reward=reward,
             control_hz=control_hz,
@@ -96,7 +98,7 @@ class AirHockeyVectorEnv(VectorEnv):
             "render_fps": round(self._game.control_hz),
             "autoreset_mode": self.autoreset_mode,
         }
-        self.single_observation_space = observation_space()
+        self.single_observation_space = observation_space(self._game.obs_type)
         self.single_action_space = action_space(self._game.continuous)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
@@ -126,7 +128,7 @@ class AirHockeyVectorEnv(VectorEnv):
         *,
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
-    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+    ) -> tuple[NDArray[Any], dict[str, Any]]:
         """Begin an episode on every table, or on those of `options["reset_mask"]`.
 
         Args:
@@ -153,11 +155,11 @@ class AirHockeyVectorEnv(VectorEnv):
         self._game.seed(seeds)
         self._game.reset(np.flatnonzero(mask), checked)
         self._age[0] += 1
-        return self._game.out.observation.copy(), self._infos(mask)
+        return self._game.observations(), self._infos(mask)
 
     def step(
         self, actions: ArrayLike
-    ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+    ) -> tuple[NDArray[Any], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Play one control step on every table.
 
         Raises:
@@ -170,7 +172,7 @@ class AirHockeyVectorEnv(VectorEnv):
         infos = self._infos(None)
         if self.autoreset_mode == AutoresetMode.SAME_STEP:
             self._add_final(infos)
-        return out.observation.copy(), out.reward.copy(), out.terminated.copy(), out.truncated.copy(), infos
+        return game.observations(), out.reward.copy(), out.terminated.copy(), out.truncated.copy(), infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """A picture of every table, each (height, width, 3) uint8."""
@@ -220,7 +222,7 @@ class AirHockeyVectorEnv(VectorEnv):
         score = np.zeros((self.num_envs, 2), np.int32)
         score[rows] = out.final_score[rows]
         observations = np.full(self.num_envs, None, dtype=object)
-        finals = out.final_observation[rows]  # fancy indexing: a copy
+        finals = self._game.shown(out.final_observation[rows], rows)
         for row, final in zip(rows, finals, strict=True):
             observations[row] = final
         infos["final_obs"] = observations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+import re
 from typing import Any
 
 import gymnasium
@@ -22,6 +23,11 @@ COPIES = {"deepcopy": copy.deepcopy, "pickle": lambda thing: pickle.loads(pickle
 def pursue(seen: np.ndarray) -> np.ndarray:
     """A policy that can be pickled: chase the puck, from observations (N, 13) to actions (N, 2)."""
     return 5.0 * (seen[:, 8:10] - seen[:, 0:2])
+
+
+def shown(value: Any) -> str:
+    """A parameter as a part of a test's name; without functions' addresses, which differ from process to process."""
+    return re.sub(r"<function (\w+) at \w+>", r"\1", str(value))
 
 
 def random_actions(seed: int, steps: int, num_envs: int, continuous: bool = True) -> np.ndarray:

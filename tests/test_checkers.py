@@ -17,7 +17,7 @@ from airhockey_env import PRESETS, AirHockeyEnv
 from airhockey_env.opponents import SCRIPTED
 from airhockey_env.tables import FULL_SIZE
 from airhockey_env.tasks import TASKS
-from tests.faces import IDS, pursue
+from tests.faces import IDS, pursue, shown
 
 pytestmark = [pytest.mark.filterwarnings("error")]
 
@@ -33,6 +33,7 @@ ARGUMENTS = [
     *({"continuous": choice} for choice in (True, False)),
     *({"reward": name} for name in ("sparse", "shaped")),
     *({"control_hz": rate} for rate in (10, 50, 240)),
+    {"obs_type": "rgb"},  # more in test_pixels
     {"max_episode_steps": 30},
     {"render_mode": "rgb_array", "render_size": SMALL},
 ]
@@ -50,7 +51,7 @@ def test_every_argument_is_checked():
     assert set(inspect.signature(AirHockeyEnv).parameters) == COVERED
 
 
-@pytest.mark.parametrize("arguments", ARGUMENTS, ids=str)
+@pytest.mark.parametrize("arguments", ARGUMENTS, ids=shown)
 @pytest.mark.parametrize("name", IDS)
 def test_checkers_have_no_complaint(name, arguments):
     arguments = {"render_size": SMALL, **arguments}  # the checker renders in every mode

@@ -14,7 +14,7 @@ from gymnasium.vector import AutoresetMode
 from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import FULL_SIZE
-from tests.faces import IDS, pursue, random_actions, same
+from tests.faces import IDS, pursue, random_actions, same, shown
 
 MODES = list(AutoresetMode)
 VARIANTS = [
@@ -74,7 +74,7 @@ def play(envs, steps, seed):
             yield observations, as_gymnasium_has_it(infos, envs.num_envs)
 
 
-@pytest.mark.parametrize("arguments", VARIANTS, ids=str)
+@pytest.mark.parametrize("arguments", VARIANTS, ids=shown)
 @pytest.mark.parametrize("mode", MODES, ids=str)
 @pytest.mark.parametrize("name", IDS)
 def test_native_batch_is_gymnasiums_batch_of_single_environments(name, mode, arguments):
@@ -96,7 +96,7 @@ def test_native_batch_is_gymnasiums_batch_of_single_environments(name, mode, arg
     sync.close()
 
 
-@pytest.mark.parametrize("arguments", VARIANTS, ids=str)
+@pytest.mark.parametrize("arguments", VARIANTS, ids=shown)
 def test_gym_make_is_a_row_of_the_batch(arguments):
     n = 3
     envs = gym.make_vec("AirHockey-v0", num_envs=n, **arguments)
@@ -118,7 +118,7 @@ def test_gym_make_is_a_row_of_the_batch(arguments):
     envs.close()
 
 
-@pytest.mark.parametrize("arguments", VARIANTS, ids=str)
+@pytest.mark.parametrize("arguments", VARIANTS, ids=shown)
 def test_stable_baselines_batch_is_the_same_step_batch(arguments):
     n, limit = 5, 120
     envs = gym.make_vec("AirHockey-v0", num_envs=n, autoreset_mode="SameStep", max_episode_steps=limit, **arguments)
@@ -157,7 +157,7 @@ def fingerprint(n, threads, rows, **arguments):
     return digest.hexdigest()
 
 
-@pytest.mark.parametrize("arguments", [{}, {"reward": "shaped", "continuous": False, "opponent": pursue}], ids=str)
+@pytest.mark.parametrize("arguments", [{}, {"reward": "shaped", "continuous": False, "opponent": pursue}], ids=shown)
 def test_neither_batch_size_nor_threads_matter(arguments):
     for rows, batches in ((1, (1, 7, 1500, 5000)), (7, (7, 1500, 5000)), (1500, (1500, 5000)), (5000, (5000,))):
         sizes = [(n, threads) for n in batches for threads in ((1, 2, 3) if n > 1000 else (1, 3))]

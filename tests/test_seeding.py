@@ -10,7 +10,7 @@ from gymnasium.error import ResetNeeded
 from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv
 from airhockey_env.records import TABLE
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
-from tests.faces import COPIES, pursue, random_actions, same
+from tests.faces import COPIES, pursue, random_actions, same, shown
 
 # A puck past the idle opponent's paddle that is in the goal in the second step at 50 Hz.
 SHOT = {"puck_position": (1.0, 0.1), "puck_velocity": (5.0, 0.0)}
@@ -135,7 +135,7 @@ def test_the_opponents_draws_belong_to_the_table():
 # States
 
 
-@pytest.mark.parametrize("arguments", [{}, {"reward": "shaped", "opponent": "random"}, {"opponent": pursue}], ids=str)
+@pytest.mark.parametrize("arguments", [{}, {"reward": "shaped", "opponent": "random"}, {"opponent": pursue}], ids=shown)
 def test_a_state_put_back_goes_on_the_same(arguments):
     env = AirHockeyEnv(max_episode_steps=100, **arguments)
     env.reset(seed=5)

@@ -1,0 +1,104 @@
+"""Cameras as frozen, validated data, in the units of their data sheets: Hz, ms, mm."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from numbers import Integral, Real
+from typing import Any
+
+
+def _between(name: str, value: Any, low: float, high: float, other: str = "") -> float:
+    number = isinstance(value, Real) and not isinstance(value, bool)
+    if not number or not math.isfinite(value) or not low <= value <= high:
+        raise ValueError(f"{name} must be {other}a number from {low} to {high}, got {value!r}")
+    return float(value)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """How a camera above the table sees the puck and the opponent's paddle. The defaults are a perfect one.
+
+    What is not the camera's business passes unchanged: the player's own paddle, which has encoders, and the shot
+    clock, which is the referee's. Derive a variant with `dataclasses.replace(ROBOT, delay_ms=20)`.
+
+    Raises:
+        ValueError: a field is not a finite number or is out of range. The message names the field, what was given
+            and what is allowed.
+    """
+
+    camera_hz: float | None = None
+    """Frames a second, 1 to 1000; None: one with every control step. The first is taken at the start of an episode.
+    Slower than the control rate, frames are held; faster, they are taken between control steps too."""
+    delay_ms: float = 0.0
+    """From taking a frame to the player's having its result, 0 to 1000 ms."""
+    jitter_ms: float = 0.0
+    """Each frame's delay is drawn evenly from `delay_ms` - `jitter_ms` to `delay_ms` + `jitter_ms`: 0 to `delay_ms`.
+    Frames stay in order: one that would overtake another arrives with it."""
+    noise_mm: float = 0.0
+    """Standard deviation of the puck's seen x and y in each frame, Gaussian, 0 to 100 mm."""
+    opponent_noise_mm: float = 0.0
+    """Likewise of the opponent's paddle."""
+    velocity_frames: int | None = None
+    """Frames from which velocities are estimated, 2 to 64: the slope of the least-squares line through the last
+    seen positions over the times of their frames. 2 is the plain finite difference; more frames filter the noise and
+    lag behind. None: the true velocities at the time of the frame."""
+    dropout: float = 0.0
+    """Probability, 0 to 1, that a frame is lost: what was seen last is held."""
+    occlusion_mm: float = 0.0
+    """The puck is not seen, and held, while the gap between its rim and the rim of the opponent's paddle is narrower
+    than this, 0 to 1000 mm."""
+
+    def __post_init__(self) -> None:
+        if self.camera_hz is not None:
+            self._set("camera_hz", _between("camera_hz", self.camera_hz, 1, 1000, "None or "))
+        for name, most in (
+            ("delay_ms", 1000),
+            ("noise_mm", 100),
+            ("opponent_noise_mm", 100),
+            ("dropout", 1),
+            ("occlusion_mm", 1000),
+        ):
+            self._set(name, _between(name, getattr(self, name), 0, most))
+        jitter = _between("jitter_ms", self.jitter_ms, 0, 1000)
+        if jitter > self.delay_ms:
+            raise ValueError(f"jitter_ms must be a number from 0 to delay_ms, which is {self.delay_ms}, got {jitter!r}")
+        self._set("jitter_ms", jitter)
+        frames = self.velocity_frames
+        if frames is not None:
+            if not isinstance(frames, Integral) or isinstance(frames, bool) or not 2 <= frames <= 64:
+                raise ValueError(f"velocity_frames must be None or a whole number from 2 to 64, got {frames!r}")
+            self._set("velocity_frames", int(frames))
+
+    def _set(self, name: str, value: float) -> None:
+        object.__setattr__(self, name, value)
+
+    def fields(self) -> dict[str, Any]:
+        """The fields by name: the arguments that make this camera."""
+        return dataclasses.asdict(self)
+
+
+ROBOT = Camera(
+    camera_hz=120,
+    delay_ms=7,
+    jitter_ms=1.5,
+    noise_mm=1.0,
+    opponent_noise_mm=1.0,
+    velocity_frames=6,
+    dropout=0.01,
+    occlusion_mm=10,
+)
+"""A camera like those of the robots that play air hockey against people.
+
+* 120 frames a second, 1 mm: the "AI Air Hockey" robot of the University of British Columbia
+  (github.com/HudsonNock/Air-Hockey-Sim, README: one camera tracks puck and opponent's mallet at 120 frames a second
+  with a mean error of about 1 mm over the table). Others: 60 Hz (JJRobots), 90 Hz (HockeyBot, RealSense D435i),
+  200 Hz and 0.35 mm (github.com/misprit7/airhockey).
+* 7 ms, 1.5 ms: the UBC robot's loop from frame to command takes 6 to 7 ms, now and then more than 8.5 ms; misprit7
+  measured 5.1 ms from light to program at the least, and up to 10.3 ms with the wait for the next frame (SIM2REAL.md).
+* 6 frames: misprit7's tracker fits a least-squares slope to the last 6 positions (ai/airhockey/perception.py).
+* Held when not seen: the UBC robot repeats the puck's previous position. How often frames are lost and how close to
+  the paddle (its gantry and arms, the opponent's hand) the puck is hidden, nobody states: 1 % and 10 mm are plausible
+  values, not measured ones.
+"""
