@@ -39,6 +39,9 @@ def begin(table, physics, settings, side):
     table.n_contacts = 0
     table.success = 0
     table.done = False
+    for player in (LEFT, RIGHT):
+        table.wander[player, 0] = 0.0
+        table.wander[player, 1] = 0.0
     start_task(table, physics, settings.task, side)
     keep_potentials(table, physics, settings)
 

@@ -16,11 +16,12 @@ from airhockey_env.records import HOME
 IDLE, RANDOM, GOALIE, STRIKER, EXTERNAL = range(5)
 SCRIPTED = {"idle": IDLE, "random": RANDOM, "goalie": GOALIE, "striker": STRIKER}
 
-GUARD = 0.86
+GUARD = 0.72
 """Where a striker waits for a shot: share of the half length from the centre."""
 
-GAIN = 15.0
-"""1/s: speed towards a target per distance from it. A paddle that brakes at 60 m/s**2 from 4 m/s can just follow."""
+BRAKING = 0.5
+"""How hard a paddle counts on braking towards a place: 2 would be all that its acceleration gives. Less is better: it
+has something left when the puck changes its course."""
 
 
 @inlined
@@ -28,8 +29,8 @@ def _towards(seen, physics, x, y):
     """The action that brings the paddle to a place and stops it there: no faster than it can brake on the way."""
     dx, dy = x - seen.x, y - seen.y
     distance = math.sqrt(dx * dx + dy * dy)
-    braking = math.sqrt(0.7 * physics.paddle_step / physics.tick * distance)
-    speed = min(braking, 0.6 * distance / physics.tick, physics.paddle_speed)
+    braking = math.sqrt(BRAKING * physics.paddle_step / physics.tick * distance)
+    speed = min(braking, distance / physics.tick, physics.paddle_speed)
     share = speed / (physics.paddle_speed * max(distance, 1e-9))
     return dx * share, dy * share
 
@@ -132,7 +133,7 @@ def striker(seen, physics, plan):
     if to_x > 0.0 and kiss_x * nx + kiss_y * ny > 0.7 * distance > 0.0:
         return kiss_x / distance, kiss_y / distance
 
-    behind_x, behind_y = max(x - 2.5 * reach * nx, -far_x), _clamp(y - 2.5 * reach * ny, far_y)
+    behind_x, behind_y = max(x - 2.2 * reach * nx, -far_x), _clamp(y - 2.2 * reach * ny, far_y)
     if to_x < 0.9 * reach and abs(to_y) < 1.2 * reach:
         # Beside or in front of the puck: back around it, on the side with room, never through it.
         side = 1.0 if to_y < 0.0 else -1.0
