@@ -26,6 +26,8 @@ from agents.models import export_policy, load_ppo
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import PRESETS
 
+DEFAULT_STEPS = 30_000_000
+
 
 @dataclass(frozen=True)
 class TrainArgs:
@@ -35,8 +37,8 @@ class TrainArgs:
     """Name of the run's folder under runs/. Default: ppo- and the time."""
     resume: str | None = None
     """Go on with this run (its folder, or its name under runs/), with its own arguments, to --steps in all."""
-    steps: int = 30_000_000
-    """Environment steps in all."""
+    steps: int | None = None
+    """Environment steps in all. Default: 30 million, or with --resume what the run was to have."""
     seed: int = 0
     """Of the network, the actions and the tables."""
     opponent: str = "striker"
@@ -261,6 +263,8 @@ def train(args: TrainArgs) -> RunFolder:
         ValueError, FileExistsError, FileNotFoundError: an argument does not fit; nothing has been written then.
     """
     _check(args)
+    if args.steps is None and args.resume is None:
+        args = dataclasses.replace(args, steps=DEFAULT_STEPS)
     torch.set_num_threads(args.threads)
     if args.resume is None:
         env = make_env(args)
@@ -273,7 +277,7 @@ def train(args: TrainArgs) -> RunFolder:
         folder = RunFolder.open(args.resume)
         try:
             kept, history = read_json(folder.config), read_json(folder.evaluations)
-            args = TrainArgs(**{**kept, "steps": max(args.steps, kept["steps"]), "resume": args.resume})
+            args = TrainArgs(**{**kept, "steps": args.steps or kept["steps"], "resume": args.resume})
             history = {name: history[name] for name in ("evaluations", "updates", "report")}
         except (TypeError, KeyError) as error:
             raise ValueError(f"{folder.path} cannot be resumed, its files do not fit: {error}") from error
@@ -281,7 +285,7 @@ def train(args: TrainArgs) -> RunFolder:
         env = make_env(args)
         model = load_ppo(folder.model, env)
         env.seed(args.seed + model.num_timesteps)  # other serves than the ones that were played
-    left = args.steps - model.num_timesteps
+    left = (args.steps or DEFAULT_STEPS) - model.num_timesteps
     clock = _Clock(history["updates"][-1]["seconds"] if history["updates"] else 0.0)
     watch = _Watch(folder, args, history, clock)
     model.set_logger(_logger(folder, _Records(history["updates"], clock)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.live_match import KINDS, Event
+from airhockey_env.window import import_pygame
 
 RATE = 44_100
 """Samples a second."""
@@ -73,7 +73,7 @@ class Sounds:
     def __init__(self, length: float) -> None:
         self._length = length
         self._sounds: dict[str, Any] = {}
-        pygame = importlib.import_module("pygame")
+        pygame = import_pygame()
         with _silenced_stderr():  # on which the system's audio libraries complain, past Python
             try:
                 pygame.mixer.init(RATE, -16, 2, 256)

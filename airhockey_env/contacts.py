@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import repeat
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from airhockey_env.engine.records import CONTACT
 
 
 class Contacts:
@@ -18,10 +21,18 @@ class Contacts:
     shape: the number of contacts varies.
     """
 
-    __slots__ = ("rows",)
+    __slots__ = ("_block", "_count", "_row")
 
-    def __init__(self, rows: NDArray[np.void]) -> None:
-        self.rows = rows
+    def __init__(self, block: NDArray[np.void], row: int, count: int) -> None:
+        """The first `count` contacts in a row of `block`, (rows, contacts); taken out of it when they are asked for."""
+        self._block = block
+        self._row = row
+        self._count = count
+
+    @property
+    def rows(self) -> NDArray[np.void]:
+        """The structured array."""
+        return self._block[self._row, : self._count]
 
     @property
     def dtype(self) -> np.dtype:
@@ -52,49 +63,28 @@ class Contacts:
 
     __hash__ = None  # type: ignore[assignment]
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Contacts, (np.array(self.rows)[np.newaxis], 0, self._count)  # without the other rows of the block
+
     def __repr__(self) -> str:
         return f"Contacts({self.rows!r})"
 
 
-class BatchContacts:
-    """The contacts of one step on every table of a batch: `contacts[i]` are those of table i, as `Contacts`.
+NO_CONTACTS = Contacts(np.zeros((1, 0), CONTACT), 0, 0)
 
-    They are read from the engine's buffer when they are asked for, so that a step which nobody asks costs nothing.
-    The next step overwrites that buffer: after it, asking raises RuntimeError. `np.asarray(contacts)` makes an
-    object array of copies in time, as does copying or pickling.
+
+def batch_contacts(
+    buffer: NDArray[np.void], counts: NDArray[np.int32], present: NDArray[np.bool_]
+) -> NDArray[np.object_]:
+    """The contacts of a step on every table, as Gymnasium's vector infos hold objects: (N,), None where not present.
+
+    Most tables have none in most steps, so the others are copied out of the engine's buffer together.
     """
-
-    def __init__(self, buffer: NDArray[np.void], counts: NDArray[np.int32], age: list[int]) -> None:
-        self._buffer = buffer
-        self._counts = counts
-        self._age = age  # a one-element list that the batch changes with every step
-        self._born = age[0]
-
-    def __len__(self) -> int:
-        return len(self._counts)
-
-    def __getitem__(self, i: Any) -> Any:
-        if not isinstance(i, (int, np.integer)):
-            return self.__array__()[i]
-        if self._age[0] != self._born:
-            raise RuntimeError("contacts of an earlier step: the next step has overwritten them, copy them in time")
-        return Contacts(self._buffer[i, : self._counts[i]].copy())
-
-    def __iter__(self) -> Iterator[Contacts]:
-        return (self[i] for i in range(len(self)))
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[np.object_]:
-        array = np.empty(len(self), dtype=object)
-        for i in range(len(self)):
-            array[i] = self[i]
-        return array
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _from_array, (self.__array__(),)
-
-    def __repr__(self) -> str:
-        return f"BatchContacts(num_envs={len(self)}, in all={int(self._counts.sum())})"
-
-
-def _from_array(array: NDArray[np.object_]) -> NDArray[np.object_]:
-    return array
+    contacts = np.empty(len(counts), dtype=object)
+    contacts.fill(NO_CONTACTS)
+    rows = np.flatnonzero(counts)
+    if len(rows):
+        made = map(Contacts, repeat(buffer[rows]), range(len(rows)), counts[rows].tolist())
+        contacts[rows] = np.fromiter(made, dtype=object, count=len(rows))
+    contacts[~present] = None
+    return contacts

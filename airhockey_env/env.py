@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from airhockey_env.contacts import Contacts
-from airhockey_env.engine.records import CONTACT
+from airhockey_env.contacts import NO_CONTACTS, Contacts
 from airhockey_env.game import Game, Policy, check_opponent, check_seed
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.tables import TableSpec
 
 RENDER_MODES = ("human", "rgb_array")
-
-_NO_CONTACTS = Contacts(np.zeros(0, CONTACT))
 
 
 class AirHockeyEnv(gym.Env):
@@ -84,7 +82,7 @@ class AirHockeyEnv(gym.Env):
     that. A foul does not end the episode.
 
     ## Info
-    `score`: (2,) int32, own and opponent's. `contacts`: those of this step, see `airhockey_env.contacts.Contacts`
+    With `randomize`, `table`: the values that were drawn, a dict from the fields' names. `score`: (2,) int32, own and opponent's. `contacts`: those of this step, see `airhockey_env.contacts.Contacts`
     (the first 8; only a squeezed puck has more). `is_success`: True on the step that wins the episode.
 
     ## Arguments
@@ -98,6 +96,7 @@ class AirHockeyEnv(gym.Env):
     | `continuous` | True or False, see above | True |
     | `reward` | `"sparse"` or `"shaped"` | `"sparse"` |
     | `control_hz` | 10 to 240: control steps per second | 50 |
+    | `randomize` | None, or a mapping from `TableSpec` fields to (low, high): drawn anew for every episode | None |
     | `max_episode_steps` | whole number or None: truncates inside the environment (without `gymnasium.make`) | None |
     | `render_mode` | None, `"rgb_array"`, `"human"` | None |
     | `render_size` | (width, height) px or None | None |
@@ -121,6 +120,7 @@ class AirHockeyEnv(gym.Env):
         continuous: bool = True,
         reward: str = "sparse",
         control_hz: float = 50,
+        randomize: Mapping[str, tuple[float, float]] | None = None,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
@@ -135,6 +135,7 @@ class AirHockeyEnv(gym.Env):
             continuous=continuous,
             reward=reward,
             control_hz=control_hz,
+            randomize=randomize,
             max_episode_steps=max_episode_steps,
             num_threads=1,
         )
@@ -149,7 +150,7 @@ class AirHockeyEnv(gym.Env):
     @property
     def table(self) -> TableSpec:
         """The table in play."""
-        return self._game.spec
+        return self._game.table_of(0)
 
     @property
     def positions(self) -> NDArray[np.float64]:
@@ -245,8 +246,11 @@ class AirHockeyEnv(gym.Env):
     def _info(self) -> dict[str, Any]:
         tables = self._game.tables
         score, count = tables["score"][0].copy(), tables["n_contacts"][0]
-        contacts = Contacts(self._game.out.contacts[0, :count].copy()) if count else _NO_CONTACTS
-        return {"score": score, "contacts": contacts, "is_success": bool(self._game.out.success[0])}
+        contacts = Contacts(self._game.out.contacts.copy(), 0, count) if count else NO_CONTACTS
+        info: dict[str, Any] = {"score": score, "contacts": contacts, "is_success": bool(self._game.out.success[0])}
+        if self._game.randomized:
+            info["table"] = {name: float(value[0]) for name, value in self._game.drawn().items()}
+        return info
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_window": None}  # a copy opens its own
@@ -268,6 +272,8 @@ def make_renderer(spec: TableSpec, size: tuple[int, int] | None) -> Any:
 
 def draw_row(renderer: Any, game: Game, i: int) -> NDArray[np.uint8]:
     """The picture of table i of a game."""
-    table = game.tables[i]
+    table, spec = game.tables[i], game.table_of(i)
+    if renderer.table != spec:  # drawn anew for this episode
+        renderer = make_renderer(spec, renderer.size)
     clock = int(table["side"]) * int(table["clock"]) / int(game.physics["clock_limit"][0])
     return renderer.draw(table["position"], score=tuple(table["score"].tolist()), clock=clock)

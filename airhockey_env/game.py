@@ -17,20 +17,22 @@ from airhockey_env.compiled import records
 from airhockey_env.engine.records import CONTACT
 from airhockey_env.engine.tolerances import OVERLAP
 from airhockey_env.opponents import EXTERNAL, SCRIPTED
+from airhockey_env.physics import FIELDS, check_ranges, physics_record, spec_of, with_spec
 from airhockey_env.pixels import CHANNELS, Pixels
 from airhockey_env.random_stream import stream_from_seed
 from airhockey_env.records import (
     AUTORESET_DISABLED,
     CONTACT_ROWS,
     HOME,
+    LEFT,
     OBSERVATION_SIZE,
+    PHYSICS,
     PUCK,
     SETTINGS,
     TABLE,
-    physics_record,
 )
 from airhockey_env.tables import TableSpec, resolve_table
-from airhockey_env.tasks import TASKS
+from airhockey_env.tasks import TASKS, right_start
 
 Policy = Callable[[NDArray[np.float32]], ArrayLike]
 """An opponent from outside: float32 observations (N, 13), seen from its own side, to actions (N, 2)."""
@@ -61,6 +63,10 @@ class ResetOptions(NamedTuple):
     puck_velocity: NDArray[np.float64] | None = None  # (2,) m/s
 
 
+RANDOMIZED_TABLE = np.dtype([("table", TABLE), ("physics", PHYSICS)])
+"""The state of a table whose physics is drawn anew for every episode."""
+
+
 class Outputs(NamedTuple):
     """What the compiled step writes; allocated once."""
 
@@ -71,6 +77,7 @@ class Outputs(NamedTuple):
     final_score: NDArray[np.int32]  # (N, 2) and what
     final_contacts: NDArray[np.int32]  # (N,) an automatic reset in the same step replaced
     success: NDArray[np.bool_]  # (N,) the step ended the episode with success
+    final_spec: NDArray[np.float64]  # (N, 15), where tables are drawn anew: PHYSICS' spec, likewise
     reward: NDArray[np.float64]  # (N,)
     other_reward: NDArray[np.float64]  # (N,) of the right players, where these come from outside
     terminated: NDArray[np.bool_]  # (N,)
@@ -110,6 +117,7 @@ class Game:
         points: int | None = None,
         max_episode_steps: int | None = None,
         autoreset: int = AUTORESET_DISABLED,
+        randomize: Mapping[str, Any] | None = None,
         num_threads: int | None = None,
     ) -> None:
         self.num_tables = _whole("num_envs", num_tables, 1)
@@ -131,7 +139,11 @@ class Game:
         self.num_threads = (os.cpu_count() or 1) if num_threads is None else _whole("num_threads", num_threads, 1)
         self._threads: ThreadPoolExecutor | None = None
 
+        self.randomized = () if randomize is None else tuple(randomize)
+        self._ranges = check_ranges(self.spec, {} if randomize is None else randomize)
         self.physics = physics_record(self.spec, self.control_hz)
+        if self.randomized:
+            self.physics = np.repeat(self.physics, self.num_tables)
         self.settings = records(1, SETTINGS)
         if task not in TASKS:
             raise ValueError(f"task must be one of {sorted(TASKS)}, got {task!r}")
@@ -140,6 +152,7 @@ class Game:
         self.settings["max_steps"] = max_steps
         self.settings["shaped"] = reward == "shaped"
         self.settings["autoreset"] = autoreset
+        self.settings["randomized"] = bool(self.randomized)
         self.settings["both_sides"] = right == EXTERNAL
 
         n = self.num_tables
@@ -155,6 +168,7 @@ class Game:
             final_score=np.zeros((n, 2), np.int32),
             final_contacts=np.zeros(n, np.int32),
             success=np.zeros(n, np.bool_),
+            final_spec=np.zeros((n if self.randomized else 0, len(FIELDS)), np.float64),
             reward=np.zeros(n, np.float64),
             other_reward=np.zeros(n if right == EXTERNAL else 0, np.float64),
             terminated=np.zeros(n, np.bool_),
@@ -179,15 +193,25 @@ class Game:
         rows = self._all_rows if rows is None else rows
         options = options or ResetOptions()
         sides = np.full(len(rows), SERVERS[options.serve], np.int64)
-        kernel.reset_rows(rows, sides, self.tables, self.physics, self.settings, self.out)
+        kernel.reset_rows(rows, sides, self.tables, self.physics, self.settings, self._ranges, self.out)
         if options.puck_position is not None:
             self.tables["position"][rows, PUCK] = options.puck_position
+            self.tables["position"][rows, LEFT] = -0.5 * HOME * self.spec.length, 0.0
             self.tables["side"][rows] = -1 if options.puck_position[0] < 0.0 else 1
         if options.puck_velocity is not None:
             self.tables["velocity"][rows, PUCK] = options.puck_velocity
         if options.puck_position is not None or options.puck_velocity is not None:
             kernel.refresh_rows(rows, self.tables, self.physics, self.settings, self.out)
         self._note_begun()
+
+    def table_of(self, i: int) -> TableSpec:
+        """The table in play number i."""
+        return spec_of(self.physics[i]) if self.randomized else self.spec
+
+    def drawn(self, final: bool = False) -> dict[str, NDArray[np.float64]]:
+        """The values of the randomized fields, (N,) each; `final`: of the episodes that an automatic reset ended."""
+        specs = self.out.final_spec if final else self.physics["spec"]
+        return {name: specs[:, FIELDS.index(name)].copy() for name in self.randomized}
 
     def check_action(self, action: Any, name: str = "action") -> NDArray[np.float32]:
         """The action of a game on one table as (1, 2) float32; see `check_actions`. Errors call it `name`."""
@@ -231,15 +255,20 @@ class Game:
         """Fresh observations of the left players, as `obs_type` says: (N, ...)."""
         return self.shown(self.out.observation)
 
-    def shown(self, observations: NDArray[np.float32], rows: NDArray[np.int64] | None = None) -> NDArray[Any]:
+    def shown(
+        self, observations: NDArray[np.float32], rows: NDArray[np.int64] | None = None, final: bool = False
+    ) -> NDArray[Any]:
         """State observations (n, 13) of all tables, or of those numbered by `rows`, as `obs_type` says; a fresh array.
 
-        float32 (n, 13), a copy; or pictures, uint8 (n, 84, 84, 3) or (n, 84, 84).
+        float32 (n, 13), a copy; or pictures, uint8 (n, 84, 84, 3) or (n, 84, 84). `final`: these are observations that
+        an automatic reset replaced, on tables that it may have drawn anew.
         """
         if self.pixels is None:
             return observations.copy()
         n = len(observations)
         physics = self.physics if rows is None or len(self.physics) == 1 else self.physics[rows]
+        if final and self.randomized:
+            physics = with_spec(physics, self.out.final_spec if rows is None else self.out.final_spec[rows])
         background = self.pixels.background(physics)
         frames = self.pixels.blank(n, again=rows is None)
         self._share(n, PICTURES_PER_THREAD, self.pixels.draw, observations, physics, background, frames)
@@ -247,7 +276,11 @@ class Game:
 
     def get_state(self, rows: NDArray[np.int64] | slice = slice(None)) -> NDArray[np.void]:
         """A copy of everything that decides what happens next on the given tables."""
-        return np.array(self.tables[rows])
+        if not self.randomized:
+            return np.array(self.tables[rows])
+        state = np.zeros(self._all_rows[rows].shape, RANDOMIZED_TABLE)
+        state["table"], state["physics"] = self.tables[rows], self.physics[rows]
+        return state
 
     def set_state(self, state: NDArray[np.void], rows: NDArray[np.int64] | slice = slice(None)) -> None:
         """Put copied states back (or onto other tables): what follows is the same to the bit.
@@ -256,12 +289,16 @@ class Game:
             ValueError: not a state of as many tables. Nothing has changed then.
         """
         chosen = np.ascontiguousarray(self._all_rows[rows])
-        if not isinstance(state, np.ndarray) or state.dtype != TABLE or state.shape != chosen.shape:
+        dtype = RANDOMIZED_TABLE if self.randomized else TABLE
+        if not isinstance(state, np.ndarray) or state.dtype != dtype or state.shape != chosen.shape:
             raise ValueError(
                 f"state must be what get_state returned for {len(chosen)} tables, got "
                 f"{getattr(state, 'dtype', type(state))!r} of shape {getattr(state, 'shape', None)}"
             )
-        self.tables[chosen] = state
+        if self.randomized:
+            self.tables[chosen], self.physics[chosen] = state["table"], state["physics"]
+        else:
+            self.tables[chosen] = state
         self._note_begun()
         kernel.refresh_rows(chosen, self.tables, self.physics, self.settings, self.out)
 
@@ -286,7 +323,7 @@ class Game:
             part.result()
 
     def _step_rows(self, first: int, last: int, targets: NDArray[np.float32], others: NDArray[np.float32]) -> None:
-        kernel.step_rows(first, last, self.tables, self.physics, self.settings, targets, others, self.out)
+        kernel.step_rows(first, last, self.tables, self.physics, self.settings, self._ranges, targets, others, self.out)
 
     def _ask(self, policy: Policy) -> NDArray[np.float32]:
         """The actions of an opponent from outside."""
@@ -318,12 +355,14 @@ class Game:
                     f"options['puck_position'] must be at most {tuple(limit.tolist())} m from the centre, "
                     f"got {tuple(place.tolist())}"
                 )
-            for home in (-HOME, HOME):
-                reach = spec.paddle_radius + spec.puck_radius
-                if math.dist(place, (0.5 * home * spec.length, 0.0)) < reach - OVERLAP:
+            if self.randomized:
+                raise ValueError("options['puck_position'] does not go with randomize: the table is not known yet")
+            reach = spec.paddle_radius + spec.puck_radius
+            for x, y in ((-0.5 * HOME * spec.length, 0.0), right_start(spec, int(self.settings["task"][0]))):
+                if math.dist(place, (x, y)) < reach - OVERLAP:
                     raise ValueError(
-                        f"options['puck_position'] must be {reach} m from a paddle at home "
-                        f"({0.5 * home * spec.length}, 0), got {tuple(place.tolist())}"
+                        f"options['puck_position'] must be {reach} m from the paddle that starts at ({x}, {y}), "
+                        f"got {tuple(place.tolist())}"
                     )
         velocity = _pair("options['puck_velocity']", options.get("puck_velocity"))
         if velocity is not None and math.hypot(*velocity) > self.spec.puck_speed:

@@ -10,6 +10,7 @@ from airhockey_env.engine.tolerances import GAME_CONTACTS
 from airhockey_env.observations import observe
 from airhockey_env.opponents import EXTERNAL, play
 from airhockey_env.paddles import drive
+from airhockey_env.physics import draw_physics
 from airhockey_env.records import AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP, LEFT, PUCK, RIGHT
 from airhockey_env.rewards import keep_potentials, shaping
 from airhockey_env.rules import judge, play_on
@@ -31,7 +32,7 @@ def play_tick(table, physics, contacts):
 
 
 @inlined
-def begin(table, physics, settings, side):
+def begin(table, physics, settings, ranges, side):
     """Start the table's next episode; where the task begins with a serve, by `side` (0: drawn at random)."""
     table.steps = 0
     table.score[0] = 0
@@ -42,6 +43,8 @@ def begin(table, physics, settings, side):
     for player in (LEFT, RIGHT):
         table.wander[player, 0] = 0.0
         table.wander[player, 1] = 0.0
+    if settings.randomized:
+        draw_physics(table, physics, ranges)
     start_task(table, physics, settings.task, side)
     keep_potentials(table, physics, settings)
 
@@ -80,13 +83,14 @@ def choose(table, physics, player, actions, i):
 
 
 @compiled
-def step_rows(first, last, tables, physics, settings, actions, others, out):
+def step_rows(first, last, tables, physics, settings, ranges, actions, others, out):
     """Play one step of the tables `first` to `last` (excluded).
 
     Args:
         tables: (N,) `TABLE`; changed in place.
         physics: (1,) or (N,) `PHYSICS`.
         settings: (1,) `SETTINGS`.
+        ranges: of the physics, where the settings say that they are randomized; see `draw_physics`.
         actions, others: (N, 2) float32 of the left and the right players; read where these are EXTERNAL.
         out: `Outputs`; written in place.
     """
@@ -96,7 +100,7 @@ def step_rows(first, last, tables, physics, settings, actions, others, out):
         table = tables[i]
         law = physics[i if own_physics else 0]
         if table.done and rules.autoreset == AUTORESET_NEXT_STEP:
-            begin(table, law, rules, 0)
+            begin(table, law, rules, ranges, 0)
             out.reward[i] = 0.0
             out.terminated[i] = False
             out.truncated[i] = False
@@ -118,7 +122,9 @@ def step_rows(first, last, tables, physics, settings, actions, others, out):
                 observe(table, law, LEFT, out.final_observation, i)
                 out.final_score[i, 0], out.final_score[i, 1] = table.score[0], table.score[1]
                 out.final_contacts[i] = table.n_contacts
-                begin(table, law, rules, 0)
+                if rules.randomized:
+                    out.final_spec[i, :] = law.spec
+                begin(table, law, rules, ranges, 0)
         observe_row(table, law, rules, out, i)
 
 
@@ -132,13 +138,13 @@ def observe_row(table, physics, settings, out, i):
 
 
 @compiled
-def reset_rows(rows, sides, tables, physics, settings, out):
+def reset_rows(rows, sides, tables, physics, settings, ranges, out):
     """Begin an episode on each of the given tables, with a serve by `sides[k]` (0: drawn at random)."""
     own_physics = physics.shape[0] > 1
     for k in range(rows.shape[0]):
         i = rows[k]
         law = physics[i if own_physics else 0]
-        begin(tables[i], law, settings[0], sides[k])
+        begin(tables[i], law, settings[0], ranges, sides[k])
         out.success[i] = False
         observe_row(tables[i], law, settings[0], out, i)
 

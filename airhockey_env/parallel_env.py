@@ -10,8 +10,7 @@ from gymnasium import logger, spaces
 from gymnasium.error import DependencyNotInstalled, ResetNeeded
 from numpy.typing import NDArray
 
-from airhockey_env.contacts import Contacts
-from airhockey_env.engine.records import CONTACT
+from airhockey_env.contacts import NO_CONTACTS, Contacts
 from airhockey_env.env import RENDER_MODES, check_render_mode, draw_row, make_renderer
 from airhockey_env.game import Game, check_seed
 from airhockey_env.spaces import action_space, observation_space
@@ -29,8 +28,6 @@ AGENTS = ("left", "right")
 
 TASKS = ("point", "match")
 """The tasks that are the same for both players."""
-
-NO_CONTACTS = Contacts(np.zeros(0, CONTACT))
 
 
 class AirHockeyParallelEnv(ParallelEnv[str, NDArray[Any], Any]):
@@ -303,7 +300,7 @@ class AirHockeyParallelEnv(ParallelEnv[str, NDArray[Any], Any]):
         over = not self.agents and bool(game.out.terminated[0])
         infos = {}
         for agent, own in (("left", score.copy()), ("right", score[::-1].copy())):
-            contacts = Contacts(game.out.contacts[0, :count].copy()) if count else NO_CONTACTS
+            contacts = Contacts(game.out.contacts.copy(), 0, count) if count else NO_CONTACTS
             infos[agent] = {"score": own, "contacts": contacts, "is_success": over and bool(own[0] > own[1])}
         return infos
 

@@ -8,12 +8,8 @@ tables of a batch, or each table has its own.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from airhockey_env.compiled import records
-from airhockey_env.engine.motion import glide_coefficients
 from airhockey_env.engine.records import SURFACE
-from airhockey_env.tables import TableSpec
 
 LEFT, RIGHT, PUCK = range(3)
 """Numbers of the discs."""
@@ -30,8 +26,10 @@ CONTACT_ROWS = 8
 
 PHYSICS = np.dtype(
     [
+        ("spec", np.float64, (15,)),  # the TableSpec's fields in their order; all else follows from these,
+        ("tick", np.float64),  # s, one control step,
+        ("clock_limit", np.int64),  # and ticks of the shot clock: see physics.derive
         *((name, SURFACE[name]) for name in SURFACE.names or ()),
-        ("tick", np.float64),  # s, one control step
         ("radius", np.float64, (3,)),  # m: left paddle, right paddle, puck
         ("inverse_mass", np.float64, (3,)),  # 1/kg
         ("glide_p", np.float64),  # half a tick of glide, see engine.motion
@@ -41,7 +39,6 @@ PHYSICS = np.dtype(
         ("puck_speed", np.float64),  # m/s, greatest
         ("paddle_speed", np.float64),  # m/s, greatest
         ("paddle_step", np.float64),  # m/s, greatest change of a paddle's velocity in a tick
-        ("clock_limit", np.int32),  # ticks
         ("per_x", np.float64),  # scales of the observation: 1/m
         ("per_y", np.float64),
         ("per_paddle", np.float64),  # s/m
@@ -80,6 +77,7 @@ SETTINGS = np.dtype(
         ("points", np.int32),  # points that win a match
         ("max_steps", np.int32),  # steps that truncate an episode, 0 for no limit
         ("shaped", np.bool_),
+        ("randomized", np.bool_),  # draw the tables' physics anew for every episode
         ("autoreset", np.int8),  # one of the constants below
         ("both_sides", np.bool_),  # write the right-hand player's observations and rewards too
     ],
@@ -87,32 +85,3 @@ SETTINGS = np.dtype(
 )
 
 AUTORESET_DISABLED, AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP = range(3)
-
-
-def physics_record(spec: TableSpec, control_hz: float) -> NDArray[np.void]:
-    """`PHYSICS` of a table at a control rate, shape (1,)."""
-    physics = records(1, PHYSICS)
-    tick = 1.0 / control_hz
-    row = physics[0]
-    row["half_length"] = 0.5 * spec.length
-    row["half_width"] = 0.5 * spec.width
-    row["half_goal"] = 0.5 * spec.goal_width
-    row["wall_restitution"] = spec.wall_restitution
-    row["wall_tangential"] = spec.wall_tangential
-    row["disc_restitution"] = spec.paddle_restitution
-    row["tick"] = tick
-    row["radius"] = (spec.paddle_radius, spec.paddle_radius, spec.puck_radius)
-    row["inverse_mass"] = (0.0, 0.0, 1.0 / spec.puck_mass)
-    row["glide_p"], row["glide_q"], row["glide_r"], row["glide_s"] = glide_coefficients(
-        spec.drag_constant, spec.drag_linear, spec.drag_quadratic, 0.5 * tick
-    )
-    row["puck_speed"] = spec.puck_speed
-    row["paddle_speed"] = spec.paddle_speed
-    row["paddle_step"] = spec.paddle_acceleration * tick
-    row["clock_limit"] = round(SHOT_CLOCK * control_hz)
-    row["per_x"] = 2.0 / spec.length
-    row["per_y"] = 2.0 / spec.width
-    row["per_paddle"] = 1.0 / spec.paddle_speed
-    row["per_puck"] = 1.0 / spec.puck_speed
-    row["per_clock"] = 1.0 / float(row["clock_limit"])
-    return physics

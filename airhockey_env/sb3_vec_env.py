@@ -140,7 +140,10 @@ class AirHockeySB3VecEnv(VecEnv):
         dones = out.terminated | out.truncated
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         rows = np.flatnonzero(dones)
-        finals = self._with_channels(self._game.shown(out.final_observation[rows], rows)) if len(rows) else ()
+        drawn = self._game.drawn(final=True)
+        finals = (
+            self._with_channels(self._game.shown(out.final_observation[rows], rows, final=True)) if len(rows) else ()
+        )
         for i, final in zip(rows, finals, strict=True):
             score = out.final_score[i].copy()
             infos[i] = {
@@ -149,6 +152,8 @@ class AirHockeySB3VecEnv(VecEnv):
                 "score": score,
                 "is_success": bool(out.success[i]),
             }
+            if self._game.randomized:
+                infos[i]["table"] = {name: float(values[i]) for name, values in drawn.items()}
         return self._with_channels(self._game.observations()), out.reward.astype(np.float32), dones, infos
 
     def get_images(self) -> Sequence[np.ndarray | None]:

@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 from airhockey_env.compiled import compiled, inlined
 from airhockey_env.random_stream import draw, draw_between
-from airhockey_env.records import LEFT, PUCK, RIGHT
+from airhockey_env.records import HOME, LEFT, PUCK, RIGHT
 from airhockey_env.rules import give, place_paddles, serve
+from airhockey_env.tables import TableSpec
 
 
 class Task(NamedTuple):
@@ -132,3 +133,10 @@ def park(table, physics):
     far = physics.half_length - physics.radius[RIGHT]
     table.position[RIGHT, 0] = far
     table.position[RIGHT, 1] = physics.half_width - physics.radius[RIGHT]
+
+
+def right_start(spec: TableSpec, task: int) -> tuple[float, float]:
+    """Where the right paddle is when an episode of a task begins, m."""
+    if task in (HIT, DEFEND):
+        return 0.5 * spec.length - spec.paddle_radius, 0.5 * spec.width - spec.paddle_radius
+    return 0.5 * HOME * spec.length, 0.0

@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from airhockey_env.contacts import BatchContacts
+from airhockey_env.contacts import batch_contacts
 from airhockey_env.env import check_render_mode, draw_row, make_renderer
 from airhockey_env.game import Game, Policy, check_opponent, check_seed
 from airhockey_env.records import AUTORESET_DISABLED, AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP
@@ -38,12 +38,12 @@ class AirHockeyVectorEnv(VectorEnv):
             its value. With `DISABLED`, reset the tables that are done by `reset(options={"reset_mask": mask})`.
         num_threads: threads that share a large batch; None takes all cores. The results do not depend on it.
         render_mode: None or `"rgb_array"`; `render()` then returns a tuple of pictures, one a table.
-        task, opponent, opponent_skill, table, obs_type, continuous, reward, control_hz, render_size: as in
+        task, opponent, opponent_skill, table, obs_type, continuous, reward, control_hz, randomize, render_size: as in
             `AirHockeyEnv`. A callable opponent is asked once a step, for all tables.
 
-    Infos have Gymnasium's vector form: `score` (num_envs, 2), `is_success` (num_envs,), `contacts`
-    (`airhockey_env.contacts.BatchContacts`: `infos["contacts"][i]`, until the next step), each with its mask;
-    with `SAME_STEP` also `final_obs` and `final_info`.
+    Infos have Gymnasium's vector form: `score` (num_envs, 2), `is_success` (num_envs,), `contacts` (num_envs,) of
+    `airhockey_env.contacts.Contacts`, and with `randomize` `table`, each with its mask; with `SAME_STEP` also
+    `final_obs` and `final_info`.
 
     Observations, rewards, terminations and truncations are fresh arrays with every step.
     """
@@ -69,6 +69,7 @@ class AirHockeyVectorEnv(VectorEnv):
         continuous: bool = True,
         reward: str = "sparse",
         control_hz: float = 50,
+        randomize: Mapping[str, tuple[float, float]] | None = None,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
     ) -> None:
@@ -87,6 +88,7 @@ class AirHockeyVectorEnv(VectorEnv):
             continuous=continuous,
             reward=reward,
             control_hz=control_hz,
+            randomize=randomize,
             max_episode_steps=max_episode_steps,
             autoreset=_AUTORESET[self.autoreset_mode],
             num_threads=num_threads,
@@ -104,14 +106,12 @@ class AirHockeyVectorEnv(VectorEnv):
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._renderer = None if render_mode is None else make_renderer(self._game.spec, render_size)
         self._state = self._game.tables
-        self._contacts = self._game.out.contacts
-        self._age = [0]
         self._seeded = False
 
     @property
-    def table(self) -> TableSpec:
-        """The table in play."""
-        return self._game.spec
+    def table(self) -> TableSpec | tuple[TableSpec, ...]:
+        """The table in play; with `randomize`, one for each table."""
+        return tuple(map(self._game.table_of, range(self.num_envs))) if self._game.randomized else self._game.spec
 
     @property
     def positions(self) -> NDArray[np.float64]:
@@ -154,7 +154,6 @@ class AirHockeyVectorEnv(VectorEnv):
         self._seeded = True
         self._game.seed(seeds)
         self._game.reset(np.flatnonzero(mask), checked)
-        self._age[0] += 1
         return self._game.observations(), self._infos(mask)
 
     def step(
@@ -168,7 +167,6 @@ class AirHockeyVectorEnv(VectorEnv):
         """
         game, out = self._game, self._game.out
         game.step(game.check_actions(actions))
-        self._age[0] += 1
         infos = self._infos(None)
         if self.autoreset_mode == AutoresetMode.SAME_STEP:
             self._add_final(infos)
@@ -192,25 +190,38 @@ class AirHockeyVectorEnv(VectorEnv):
         """
         self._game.set_state(state, slice(None) if indices is None else np.atleast_1d(indices))
         self._seeded = True
-        self._age[0] += 1
 
     def _infos(self, mask: NDArray[np.bool_] | None) -> dict[str, Any]:
         """Infos of all tables, or of those of the mask."""
         present = np.ones(self.num_envs, np.bool_) if mask is None else mask
-        score = self._game.out.score.copy()
-        if mask is None and self.autoreset_mode != AutoresetMode.SAME_STEP:
-            success = self._game.out.success.copy()
-        else:
-            score[~present] = 0
-            success = np.zeros(self.num_envs, np.bool_)
-        return {
+        out = self._game.out
+        played = mask is None and self.autoreset_mode != AutoresetMode.SAME_STEP
+        success = out.success.copy() if played else np.zeros(self.num_envs, np.bool_)
+        return self._info_of(present, out.score.copy(), self._state["n_contacts"], success, self._game.drawn())
+
+    def _info_of(
+        self,
+        present: NDArray[np.bool_],
+        score: NDArray[np.int32],
+        counts: NDArray[np.int32],
+        success: NDArray[np.bool_],
+        drawn: dict[str, NDArray[np.float64]],
+    ) -> dict[str, Any]:
+        """Gymnasium's layout: every key with its mask, and nothing where the mask is not set."""
+        everywhere = bool(present.all())
+        values: dict[str, Any] = {
             "score": score,
-            "_score": present,
-            "contacts": BatchContacts(self._contacts, self._state["n_contacts"], self._age),
-            "_contacts": present.copy(),
+            "contacts": batch_contacts(self._game.out.contacts, counts, present),
             "is_success": success,
-            "_is_success": present.copy(),
         }
+        if not everywhere:
+            score[~present] = 0
+        if drawn:
+            values["table"] = {}
+            for name, value in drawn.items():
+                value[~present] = 0.0
+                values["table"].update({name: value, f"_{name}": present.copy()})
+        return {**values, **{f"_{name}": present.copy() for name in values}}
 
     def _add_final(self, infos: dict[str, Any]) -> None:
         """What the automatic reset in the same step has replaced."""
@@ -219,22 +230,15 @@ class AirHockeyVectorEnv(VectorEnv):
         if not done.any():
             return
         rows = np.flatnonzero(done)
-        score = np.zeros((self.num_envs, 2), np.int32)
-        score[rows] = out.final_score[rows]
         observations = np.full(self.num_envs, None, dtype=object)
-        finals = self._game.shown(out.final_observation[rows], rows)
+        finals = self._game.shown(out.final_observation[rows], rows, final=True)
         for row, final in zip(rows, finals, strict=True):
             observations[row] = final
-        infos["final_obs"] = observations
-        infos["_final_obs"] = done
-        infos["final_info"] = {
-            "score": score,
-            "_score": done.copy(),
-            "contacts": BatchContacts(self._contacts, np.where(done, out.final_contacts, 0), self._age),
-            "_contacts": done.copy(),
-            "is_success": out.success.copy(),
-            "_is_success": done.copy(),
-        }
+        counts = np.where(done, out.final_contacts, 0)
+        infos["final_obs"], infos["_final_obs"] = observations, done
+        infos["final_info"] = self._info_of(
+            done, out.final_score.copy(), counts, out.success.copy(), self._game.drawn(final=True)
+        )
         infos["_final_info"] = done.copy()
 
     def _check_seeds(self, seed: Any) -> list[int | None]:

@@ -12,7 +12,12 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 
 
-def _import_pygame() -> Any:
+def import_pygame() -> Any:
+    """The module pygame, without its greeting.
+
+    Raises:
+        DependencyNotInstalled: pygame-ce is missing.
+    """
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     try:
         return importlib.import_module("pygame")
@@ -41,7 +46,7 @@ class Window:
     def __init__(self, size: tuple[int, int], title: str = "Air hockey", fps: float = 50.0) -> None:
         if not fps > 0.0:
             raise ValueError(f"fps must be greater than 0, got {fps!r}")
-        self._pygame = _import_pygame()
+        self._pygame = import_pygame()
         self._size = (int(size[0]), int(size[1]))
         self._fps = fps
         # Only the display: pygame.init() would take hold of the sound card and joysticks as well.
@@ -75,9 +80,15 @@ class Window:
 
     def hold_pointer(self, held: bool) -> None:
         """Hide the mouse's pointer and keep it within the window, or let it go."""
-        if not self._gone():
-            self._pygame.mouse.set_visible(not held)
-            self._pygame.event.set_grab(held)
+        if self._gone():
+            return
+        mouse = self._pygame.mouse
+        # Not by set_visible: pygame takes a mouse that is both invisible and held for one that reports no places.
+        if held:
+            mouse.set_cursor((8, 8), (0, 0), (0,) * 8, (0,) * 8)
+        else:
+            mouse.set_cursor(self._pygame.SYSTEM_CURSOR_ARROW)
+        self._pygame.event.set_grab(held)
 
     def show(self, frame: np.ndarray, overlay: Callable[[Any], None] | None = None) -> None:
         """Show a frame, uint8 (H, W, 3), and wait until the next one is due.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import time
 from dataclasses import dataclass
 from typing import Any
@@ -10,15 +9,18 @@ from typing import Any
 import numpy as np
 
 from agents.checks import check_ranges
-from agents.live_match import LiveMatch
+from agents.live_match import START_PAUSE, LiveMatch
 from agents.models import load_player
 from agents.sounds import Sounds
 from airhockey_env import raster
 from airhockey_env.render import LEFT, LEFT_LIGHT, RIGHT_LIGHT, ROOM, SMALLEST, WHITE, Color, Renderer
-from airhockey_env.window import Window
+from airhockey_env.window import Window, import_pygame
 from scripts._command import run_command
 
 QUIET_TEXT: Color = (134, 149, 181)
+FINER = 3
+"""Texts are drawn this many times as large as they are shown."""
+
 NOTICES = {
     "start": ("First to {points}", "Move the mouse: your paddle is the left one", WHITE),
     "goal": ("Goal!", "", LEFT_LIGHT),
@@ -60,9 +62,10 @@ class Texts:
 
     def __init__(self, size: tuple[int, int]) -> None:
         self._size = size
-        self._pygame = importlib.import_module("pygame")
+        self._pygame = import_pygame()
         self._fonts: dict[int, Any] = {}
         self._written: dict[tuple[str, int, Color], Any] = {}
+        self._last_plate: Any = None
         try:
             self._pygame.font.init()
             self._working = True
@@ -73,9 +76,15 @@ class Texts:
         """A picture of the text, kept for the next time."""
         if (text, height, color) not in self._written:
             if height not in self._fonts:
-                self._fonts[height] = self._pygame.font.Font(None, height)
-            self._written[text, height, color] = self._fonts[height].render(text, True, color)
+                self._fonts[height] = self._pygame.font.Font(None, FINER * height)
+            self._written[text, height, color] = self._finely(self._fonts[height].render(text, True, color))
         return self._written[text, height, color]
+
+    def _finely(self, large: Any) -> Any:
+        """A picture that was drawn `FINER` times as large, so that letters stand where they should, with soft edges."""
+        width, height = large.get_size()
+        size = (max(1, round(width / FINER)), max(1, round(height / FINER)))
+        return self._pygame.transform.smoothscale(large.convert_alpha(), size)
 
     def banner(self, screen: Any, title: str, line: str, color: Color) -> None:
         """One or two lines on a dark plate in the middle of the upper half."""
@@ -87,13 +96,21 @@ class Texts:
             rows.append(self._write(line, max(12, height // 22), WHITE))
         gap = height // 40
         inner = max(row.get_width() for row in rows), sum(row.get_height() for row in rows) + gap * (len(rows) - 1)
-        plate = self._pygame.Surface((inner[0] + 6 * gap, inner[1] + 4 * gap), self._pygame.SRCALPHA)
-        self._pygame.draw.rect(plate, (*ROOM, 225), plate.get_rect(), border_radius=2 * gap)
+        plate = self._plate((inner[0] + 6 * gap, inner[1] + 4 * gap), gap).copy()
         top = 2 * gap
         for row in rows:
             plate.blit(row, ((plate.get_width() - row.get_width()) // 2, top))
             top += row.get_height() + gap
         screen.blit(plate, ((width - plate.get_width()) // 2, round(0.36 * height) - plate.get_height() // 2))
+
+    def _plate(self, size: tuple[int, int], corner: int) -> Any:
+        """A dark plate that lets the game shine through, kept for the next time."""
+        if self._last_plate is None or self._last_plate.get_size() != size:
+            large = self._pygame.Surface((FINER * size[0], FINER * size[1]), self._pygame.SRCALPHA)
+            large.fill((*ROOM, 0))
+            self._pygame.draw.rect(large, (*ROOM, 205), large.get_rect(), border_radius=FINER * corner)
+            self._last_plate = self._finely(large)
+        return self._last_plate
 
     def footer(self, screen: Any, middle: float, left: str, centre: str, right: str) -> None:
         """Small texts on the lower rail, whose middle is `middle` px from the top."""
@@ -137,7 +154,10 @@ class Table:
         self.match = match
         self._opponent = opponent
         self.renderer = Renderer(match.spec, size)
-        self._frame()  # drawn once before the window opens: what has to be compiled is compiled then
+        # Played and drawn for a moment before the window opens: what has to be compiled is compiled then.
+        match.restart(0.0)
+        match.advance(START_PAUSE + 0.05, (0.0, 0.0))
+        self._frame()
         self.window = Window(self.renderer.size, f"Air hockey: you against {opponent}", fps)
         self._texts = Texts(self.renderer.size)
         self._sounds = Sounds(match.spec.length) if sound else None
@@ -188,7 +208,7 @@ class Table:
 
     def _overlay(self, screen: Any) -> None:
         match = self.match
-        self._texts.footer(screen, self._lower_rail, "you", "R restarts    Esc leaves", self._opponent)
+        self._texts.footer(screen, self._lower_rail, "You", "R restarts     Esc leaves", self._opponent)
         if match.notice:
             title, line, color = NOTICES[match.notice]
             left, right = match.score
@@ -216,11 +236,13 @@ def play(args: PlayArgs) -> None:
     check_ranges(args, skill=(0, 1), points=(1, 99), fps=(20, 480))
     if not all(SMALLEST <= side <= 8192 for side in args.size):
         raise ValueError(f"--size must be two whole numbers from {SMALLEST} to 8192, got {args.size}")
+    pygame = import_pygame()
     opponent = load_player(args.opponent)
+    print("Getting ready; the first time takes a while.", flush=True)
     match = LiveMatch(opponent, skill=args.skill, table=args.table, points=args.points)
     try:
         table = Table(match, name_of(args.opponent), size=args.size, fps=args.fps, sound=args.sound)
-    except importlib.import_module("pygame").error as error:
+    except pygame.error as error:
         raise OSError(f"there is no screen to open a window on: {error}") from error
     table.run()
     left, right = match.score

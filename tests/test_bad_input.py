@@ -179,8 +179,8 @@ OPTIONS = [
         r"options\['puck_position'\] must be at most .* m from the centre, got \(1.15, 0.0\)",
     ),
     ({"puck_position": [0.0, -0.54]}, r"options\['puck_position'\] must be at most .* m from the centre"),
-    ({"puck_position": [-0.93, 0.05]}, r"options\['puck_position'\] must be 0.0918 m from a paddle at home"),
-    ({"puck_position": [0.93, 0.05]}, r"options\['puck_position'\] must be 0.0918 m from a paddle at home"),
+    ({"puck_position": [-0.93, 0.05]}, r"options\['puck_position'\] must be 0.0918 m from the paddle that starts at"),
+    ({"puck_position": [0.93, 0.05]}, r"options\['puck_position'\] must be 0.0918 m from the paddle that starts at"),
     ({"puck_velocity": [9.0, 9.0]}, r"options\['puck_velocity'\] must be at most 12.0 m/s, got \(9.0, 9.0\)"),
 ]
 

@@ -35,6 +35,7 @@ ARGUMENTS = [
     *({"control_hz": rate} for rate in (10, 50, 240)),
     {"obs_type": "rgb"},  # more in test_pixels
     {"max_episode_steps": 30},
+    {"randomize": {"puck_radius": (0.03, 0.045), "drag_linear": (0.0, 0.5)}},
     {"render_mode": "rgb_array", "render_size": SMALL},
 ]
 COVERED = {name for arguments in ARGUMENTS for name in arguments}
@@ -67,7 +68,9 @@ def test_make_by_module_wraps_without_complaint(name):
     check_for_gymnasium(env.unwrapped)
     env.reset(seed=0)
     for _ in range(20):
-        env.step(env.action_space.sample())
+        _, _, terminated, truncated, _ = env.step(env.action_space.sample())
+        if terminated or truncated:
+            env.reset()
     assert env.spec.id == name
     env.close()
 

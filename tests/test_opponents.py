@@ -67,7 +67,8 @@ def test_actions_are_in_range(name, table, skill):
             assert np.isfinite(actions).all()
             longest = max(longest, np.hypot(*actions.T).max())
     assert longest <= skill * (1.0 + 1e-12)
-    assert longest >= 0.5 * skill or name == "idle"
+    # A goalie has no way to go on which it could become fast, and brake.
+    assert longest >= (0.3 if name == "goalie" else 0.5) * skill or name == "idle"
     assert longest == 0.0 or name != "idle"
 
 

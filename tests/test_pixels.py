@@ -22,7 +22,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecTran
 
 from airhockey_env import PRESETS, AirHockeyEnv, AirHockeyVectorEnv, raster
 from airhockey_env.game import OBS_TYPES, Game
-from airhockey_env.records import physics_record
+from airhockey_env.physics import physics_record
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import FULL_SIZE
 from tests.faces import IDS, pursue, random_actions, same

@@ -13,10 +13,11 @@ from __future__ import annotations
 
 import math
 
-from airhockey_env.compiled import inlined
+from airhockey_env.compiled import compiled, inlined
 
 
-def glide_coefficients(constant: float, linear: float, quadratic: float, time: float) -> tuple[float, ...]:
+@compiled
+def glide_coefficients(constant, linear, quadratic, time):
     """The numbers p, q, r, s of the module's docstring for a glide of `time` seconds.
 
     Args:
