@@ -1,4 +1,4 @@
-"""How well a policy plays: points against an opponent, both sides of the table balanced."""
+"""How well a policy plays: points against an opponent, both sides of the table balanced; and tasks for one."""
 
 from __future__ import annotations
 
@@ -12,11 +12,15 @@ from numpy.typing import NDArray
 
 from airhockey_env.game import Game
 from airhockey_env.records import AUTORESET_NEXT_STEP
+from airhockey_env.tasks import TASKS
 
 Policy = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 
 OPPONENTS = ("idle", "random", "goalie", "striker")
 """Those that every report plays against, weakest first."""
+
+SOLO_TASKS = ("hit", "defend")
+"""Tasks without an opponent, in which an episode succeeds or fails."""
 
 MAX_EPISODE_STEPS = 1500
 """Of the registered environment."""
@@ -62,6 +66,34 @@ class Result:
             "win_rate_95": [low, high],
             "decided_win_rate": self.decided,
             "decided_win_rate_95": [decided_low, decided_high],
+            "mean_seconds": self.seconds,
+        }
+
+
+@dataclass(frozen=True)
+class TaskResult:
+    """Episodes of one player in a task."""
+
+    task: str
+    successes: int
+    failures: int
+    timeouts: int  # neither
+    seconds: float  # of play, mean of an episode
+
+    @property
+    def episodes(self) -> int:
+        return self.successes + self.failures + self.timeouts
+
+    def as_dict(self) -> dict[str, Any]:
+        """For a JSON file."""
+        return {
+            "task": self.task,
+            "episodes": self.episodes,
+            "successes": self.successes,
+            "failures": self.failures,
+            "timeouts": self.timeouts,
+            "success_rate": self.successes / self.episodes if self.episodes else math.nan,
+            "success_rate_95": list(wilson_interval(self.successes, self.episodes)),
             "mean_seconds": self.seconds,
         }
 
@@ -142,3 +174,55 @@ def play_points(
                     running &= ~ended
                     bar.update(int(ended.sum()))
     return Result(opponent, wins, losses, draws, steps / (2 * half) / control_hz)
+
+
+def play_task(policy: Policy | str, task: str, episodes: int, *, seed: int = 0, table: str = "full_size") -> TaskResult:
+    """Play episodes of a task without an opponent, as its registered environment has them (at 50 Hz).
+
+    Args:
+        policy: as in `play_points`.
+        task: one of `SOLO_TASKS`.
+        episodes: how many; each on a table of its own.
+        seed: of the tables.
+
+    Raises:
+        ValueError: an argument is out of range.
+    """
+    from tqdm import tqdm
+
+    if task not in SOLO_TASKS:
+        raise ValueError(f"task must be one of {SOLO_TASKS}, got {task!r}")
+    if episodes < 1:
+        raise ValueError(f"episodes must be 1 or more, got {episodes}")
+    control_hz = 50
+    named = policy if isinstance(policy, str) else None
+    asked = None if isinstance(policy, str) else policy
+    successes = failures = timeouts = steps = 0
+    with tqdm(total=episodes, unit="episode", desc=task, delay=2.0, leave=False, disable=None) as bar:
+        for first in range(0, episodes, TABLES_AT_ONCE):
+            rows = range(first, min(episodes, first + TABLES_AT_ONCE))
+            game = Game(
+                len(rows),
+                task=task,
+                player=named,
+                opponent=TASKS[task].opponent,
+                max_episode_steps=TASKS[task].max_episode_steps,
+                table=table,
+                control_hz=control_hz,
+                autoreset=AUTORESET_NEXT_STEP,
+            )
+            game.seed([seed * 1_000_003 + k for k in rows])
+            game.reset()
+            out = game.out
+            still = np.zeros((len(rows), 2), np.float32)
+            running = np.ones(len(rows), np.bool_)
+            while running.any():
+                game.step(still if asked is None else game.check_actions(asked(out.observation)))
+                ended = running & (out.terminated | out.truncated)
+                steps += int(running.sum())
+                successes += int((ended & out.success).sum())
+                failures += int((ended & out.terminated & ~out.success).sum())
+                timeouts += int((ended & ~out.terminated).sum())
+                running &= ~ended
+                bar.update(int(ended.sum()))
+    return TaskResult(task, successes, failures, timeouts, steps / episodes / control_hz)

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -26,7 +25,7 @@ from agents.models import export_policy, load_ppo
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import PRESETS
 
-DEFAULT_STEPS = 30_000_000
+DEFAULT_STEPS = 20_000_000
 
 
 @dataclass(frozen=True)
@@ -38,13 +37,14 @@ class TrainArgs:
     resume: str | None = None
     """Go on with this run (its folder, or its name under runs/), with its own arguments, to --steps in all."""
     steps: int | None = None
-    """Environment steps in all. Default: 30 million, or with --resume what the run was to have."""
+    """Environment steps in all. Default: 20 million, or with --resume what the run was to have."""
     seed: int = 0
     """Of the network, the actions and the tables."""
+    opponents: tuple[str, ...] = ("striker", "striker", "goalie", "idle")
+    """Whom to play against while training, on as many tables each. Against the striker alone an agent learns to wait
+    for its mistakes: who never shoots at it is beaten less often."""
     opponent: str = "striker"
-    """Whom to play against while training."""
-    weakest: float = 1.0
-    """Skill of the weakest opponent: the tables' opponents spread evenly from here to full skill."""
+    """Whom evaluations while training are against."""
     reward: str = "shaped"
     """"sparse" or "shaped"."""
     table: str = "full_size"
@@ -75,8 +75,8 @@ class TrainArgs:
     """Points of an evaluation against the training opponent."""
     report_points: int = 2000
     """Points against each scripted opponent for the report at the end."""
-    threads: int = 2
-    """Of torch."""
+    threads: int = 1
+    """Of torch. The network is small: a second thread gains nothing, and waits where other programs run."""
     video_seconds: float = 20.0
     """Length of the video of the trained agent; 0 for none."""
 
@@ -208,8 +208,7 @@ def make_env(args: TrainArgs) -> VecMonitor:
     return VecMonitor(
         AirHockeySB3VecEnv(
             args.num_envs,
-            opponent=args.opponent,
-            opponent_skill=np.linspace(args.weakest, 1.0, args.num_envs),
+            opponent=args.opponents,
             reward=args.reward,
             table=args.table,
             max_episode_steps=MAX_EPISODE_STEPS,
@@ -289,7 +288,8 @@ def train(args: TrainArgs) -> RunFolder:
     clock = _Clock(history["updates"][-1]["seconds"] if history["updates"] else 0.0)
     watch = _Watch(folder, args, history, clock)
     model.set_logger(_logger(folder, _Records(history["updates"], clock)))
-    print(f"{folder.path}: {max(left, 0):,} steps against {args.opponent}. Ctrl-C stops early and keeps everything.")
+    whom = ", ".join(args.opponents)
+    print(f"{folder.path}: {max(left, 0):,} steps against {whom}. Ctrl-C stops early and keeps everything.")
     bar = ProgressBarCallback()
     try:
         if left > 0:

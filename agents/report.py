@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from agents.evaluation import Result, wilson_interval
+from agents.evaluation import Result, TaskResult, wilson_interval
 from agents.files import replace
 
 
@@ -27,6 +27,23 @@ def print_results(results: Sequence[Result]) -> None:
             _share(result.wins, result.wins + result.losses),
             f"{result.seconds:.1f}",
         )
+    Console().print(table)
+
+
+def print_task_result(result: TaskResult) -> None:
+    """Print successes, failures and the success rate with its 95 % Wilson interval; fits into 80 columns."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=f"{result.episodes} episodes", padding=(0, 1), box=None)
+    for name in ("task", "successes", "failures", "by time", "success rate (95 %)", "s/episode"):
+        table.add_column(name, justify="left" if name == "task" else "right", no_wrap=True)
+    table.add_row(
+        result.task,
+        *(str(number) for number in (result.successes, result.failures, result.timeouts)),
+        _share(result.successes, result.episodes),
+        f"{result.seconds:.1f}",
+    )
     Console().print(table)
 
 

@@ -22,7 +22,14 @@ class AirHockeyEnv(gym.Env):
     ## Description
     Air hockey against an opponent, on an exact physics engine: within a control step every contact of puck, paddles,
     walls and goal posts is found at its own time and place and resolved in order ("the perfect kiss"), at any speed.
-    You are the left player. An episode is one point: whoever gets the puck's centre over the other's goal line wins.
+    You are the left player. A goal counts when the puck's centre crosses the goal line. `task` says what an episode is:
+
+    | id | `task` | an episode | opponent | truncated after |
+    |---|---|---|---|---|
+    | `AirHockey-v0` | `"point"` | one point | `"striker"` | 1500 steps |
+    | `AirHockeyMatch-v0` | `"match"` | a match, first to 7 points | `"striker"` | 15000 steps |
+    | `AirHockeyHit-v0` | `"hit"` | a still puck on your side, an unattended far side: put it in the goal | `"idle"` | 500 steps |
+    | `AirHockeyDefend-v0` | `"defend"` | a shot is on its way: keep it out | `"idle"` | 250 steps |
 
     `gymnasium.make_vec("AirHockey-v0", num_envs=4096)` plays many tables at once in one compiled kernel, with the
     same trajectories to the bit.
@@ -63,27 +70,51 @@ class AirHockeyEnv(gym.Env):
     (`gymnasium.wrappers.FrameStackObservation(env, 4)`).
 
     ## Rewards
-    `reward="sparse"`: +1 for a goal, -1 for a goal against, else 0. `reward="shaped"`: that, plus
+    `reward="sparse"`: +1 for every goal, -1 for every goal against, else 0; so a shot that was kept out, or one that
+    missed, earns 0. `reward="shaped"`: that, plus
     0.99 * potential(after) - potential(before), a potential-based term that leaves the best policy for a discount of
     0.99 what it was; see `airhockey_env.rewards`.
 
     ## Starting state
-    Paddles rest at home, 80 % of the way from the centre to the end walls. The puck rests on a random spot of a random
-    side, 20 to 50 % of the half length from the centre line and up to half the half width off the long axis.
-    `reset(options={"serve": "left"})` (or `"right"`, `"random"`) chooses the side; `"puck_position"` and
-    `"puck_velocity"`, two numbers each in m and m/s, set the puck.
+    Point, match: paddles rest at home, 80 % of the way from the centre to the end walls. The puck rests on a random
+    spot of a random side, 20 to 50 % of the half length from the centre line and up to half the half width off the
+    long axis. After a goal in a match, likewise on the side that conceded.
+
+    Hit: the puck rests on your side, 10 to 50 % of the half length from the centre line and anywhere across the table
+    up to 1.5 puck radii from the side walls; your paddle rests at home, up to half the half width off the long axis.
+
+    Defend: the puck is on the far side, up to 60 % of the half length from the centre line and up to 95 % of the way
+    to the side walls, and flies at 2 to 9 m/s towards a random spot of your goal: half of the shots straight, a quarter
+    off each side wall. Your paddle rests 60 to 90 % of the half length from the centre, up to half the half width off
+    the long axis.
+
+    In both the opponent's paddle is parked in a far corner, at +y.
+
+    `reset(options={"serve": "left"})` (or `"right"`, `"random"`) chooses the side, where an episode begins with a
+    serve; `"puck_position"` and `"puck_velocity"`, two numbers each in m and m/s, set the puck (and `"puck_position"`
+    the own paddle, to its home).
 
     ## Rules
-    A side has 7 s to send the puck back over the centre line; after that it is a foul, and the other side serves. The
-    puck's speed is capped at the table's `puck_speed` at the end of each step.
+    A side has 7 s to send the puck back over the centre line; after that it is a foul, and where the episode goes on
+    the other side serves. The puck's speed is capped at the table's `puck_speed` at the end of each step.
 
     ## Episode end
-    Terminates with a goal. `gymnasium.make` truncates after 1500 steps (30 s at 50 Hz); `max_episode_steps` changes
-    that. A foul does not end the episode.
+    Point: terminates with a goal; success is a goal of yours. Match: terminates when a side has 7 points; success is
+    when it is yours. A foul ends neither.
+
+    Hit: terminates with a goal on either side, with a foul, and when the puck is on the far side and slower than
+    0.05 m/s; success is a goal of yours.
+
+    Defend: terminates with a goal, with a foul, and once the shot is kept out: back on the far side and not flying
+    towards you any more, or slower than 0.3 m/s; success is no goal against.
+
+    `gymnasium.make` truncates after the steps in the table above (at 50 Hz 30 s, 5 min, 10 s and 5 s), which is no
+    success; `max_episode_steps` changes that.
 
     ## Info
-    With `randomize`, `table`: the values that were drawn, a dict from the fields' names. `score`: (2,) int32, own and opponent's. `contacts`: those of this step, see `airhockey_env.contacts.Contacts`
-    (the first 8; only a squeezed puck has more). `is_success`: True on the step that wins the episode.
+    `score`: (2,) int32, own and opponent's. `contacts`: those of this step, see `airhockey_env.contacts.Contacts`
+    (the first 8; only a squeezed puck has more). `is_success`: True on the step that ends the episode with success.
+    With `randomize`, `table`: the values that were drawn, a dict from the fields' names.
 
     ## Arguments
     | argument | values | default |

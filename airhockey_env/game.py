@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
@@ -28,6 +28,7 @@ from airhockey_env.records import (
     OBSERVATION_SIZE,
     PHYSICS,
     PUCK,
+    RIGHT,
     SETTINGS,
     TABLE,
 )
@@ -36,6 +37,9 @@ from airhockey_env.tasks import TASKS, right_start
 
 Policy = Callable[[NDArray[np.float32]], ArrayLike]
 """An opponent from outside: float32 observations (N, 13), seen from its own side, to actions (N, 2)."""
+
+Opponent = str | Policy
+"""Who plays the right paddle: a scripted player's name, or a policy from outside."""
 
 REWARDS = ("sparse", "shaped")
 OBS_TYPES = ("state", *CHANNELS)
@@ -85,6 +89,16 @@ class Outputs(NamedTuple):
     contacts: NDArray[np.void]  # (N, CONTACT_ROWS) CONTACT
 
 
+class Group(NamedTuple):
+    """The tables on which one policy from outside plays, and what it is shown of them."""
+
+    policy: Policy
+    name: str  # for errors
+    rows: slice | NDArray[np.int64]  # n tables; a slice where they follow each other
+    seen: NDArray[np.float32]  # (n, 13), read-only: a view of all observations with a slice, else of `copied`
+    copied: NDArray[np.float32] | None  # (n, 13), filled in every step
+
+
 class Game:
     """Air hockey on `num_tables` tables at once.
 
@@ -93,12 +107,19 @@ class Game:
     lets the caller play the right paddle too: its observations lie in `out.other_observation`, its rewards in
     `out.other_reward`, its actions go to `step`.
 
+    Opponents stand in a pool, of one or of a sequence of them. Every table is assigned a place in it: table i has the
+    place i modulo the pool's size at first, whatever the number of tables, and `set_opponents` changes that while
+    playing. A table's state keeps the place and the skill (see `set_state`), a new episode leaves them as they are.
+
     Attributes:
         spec: the `TableSpec` in play.
         obs_type: what `shown` makes of observations.
         pixels: draws them, or None.
         tables: (N,) records of `TABLE`: the whole state.
         out: `Outputs` of the last reset or step; overwritten by the next.
+        answers: (N, 2) actions that policies from outside gave in the last step, on the tables that they play.
+        ranges: (fields of a `TableSpec`, 2) least and greatest values of what is drawn anew, see `check_ranges`.
+        opponents: the pool, a tuple; with `opponent=None`, empty.
     """
 
     def __init__(
@@ -107,7 +128,7 @@ class Game:
         *,
         table: str | TableSpec = "full_size",
         player: str | None = None,
-        opponent: str | Policy | None = "striker",
+        opponent: Opponent | Sequence[Opponent] | None = "striker",
         opponent_skill: ArrayLike = 1.0,
         obs_type: str = "state",
         continuous: bool = True,
@@ -122,8 +143,9 @@ class Game:
     ) -> None:
         self.num_tables = _whole("num_envs", num_tables, 1)
         self.spec = resolve_table(table)
-        left, right = _scripted("player", player), _scripted("opponent", opponent)
-        self._policy = opponent if callable(opponent) else None
+        self._left = _scripted("player", player)
+        self._pool = _pool(opponent)
+        self._two_players = opponent is None
         if reward not in REWARDS:
             raise ValueError(f"reward must be one of {REWARDS}, got {reward!r}")
         if not isinstance(obs_type, str) or obs_type not in OBS_TYPES:
@@ -140,7 +162,7 @@ class Game:
         self._threads: ThreadPoolExecutor | None = None
 
         self.randomized = () if randomize is None else tuple(randomize)
-        self._ranges = check_ranges(self.spec, {} if randomize is None else randomize)
+        self.ranges = check_ranges(self.spec, {} if randomize is None else randomize)
         self.physics = physics_record(self.spec, self.control_hz)
         if self.randomized:
             self.physics = np.repeat(self.physics, self.num_tables)
@@ -153,16 +175,16 @@ class Game:
         self.settings["shaped"] = reward == "shaped"
         self.settings["autoreset"] = autoreset
         self.settings["randomized"] = bool(self.randomized)
-        self.settings["both_sides"] = right == EXTERNAL
 
         n = self.num_tables
         self.tables = records(n, TABLE)
-        self.tables["player"] = left, right
+        self.tables["player"][:, LEFT] = self._left
+        self.tables["opponent"] = np.arange(n) % len(self._pool)
         self.tables["skill"][:, 0] = 1.0
         self.tables["skill"][:, 1] = skill
         self.out = Outputs(
             observation=np.zeros((n, OBSERVATION_SIZE), np.float32),
-            other_observation=np.zeros((n if right == EXTERNAL else 0, OBSERVATION_SIZE), np.float32),
+            other_observation=np.zeros((n if self._two_players else 0, OBSERVATION_SIZE), np.float32),
             final_observation=np.zeros((n, OBSERVATION_SIZE), np.float32),
             score=np.zeros((n, 2), np.int32),
             final_score=np.zeros((n, 2), np.int32),
@@ -170,15 +192,18 @@ class Game:
             success=np.zeros(n, np.bool_),
             final_spec=np.zeros((n if self.randomized else 0, len(FIELDS)), np.float64),
             reward=np.zeros(n, np.float64),
-            other_reward=np.zeros(n if right == EXTERNAL else 0, np.float64),
+            other_reward=np.zeros(n if self._two_players else 0, np.float64),
             terminated=np.zeros(n, np.bool_),
             truncated=np.zeros(n, np.bool_),
             contacts=records((n, CONTACT_ROWS), CONTACT),
         )
         self._others = np.zeros((n, 2), np.float32)
+        self.answers = self._others
         self._all_rows = np.arange(n)
         self._autoreset = autoreset
         self.begun = False
+        self._groups: list[Group] | None = None
+        self._seat(self._all_rows)
 
     # What a caller does -----------------------------------------------------------------------------------------
 
@@ -193,7 +218,7 @@ class Game:
         rows = self._all_rows if rows is None else rows
         options = options or ResetOptions()
         sides = np.full(len(rows), SERVERS[options.serve], np.int64)
-        kernel.reset_rows(rows, sides, self.tables, self.physics, self.settings, self._ranges, self.out)
+        kernel.reset_rows(rows, sides, self.tables, self.physics, self.settings, self.ranges, self.out)
         if options.puck_position is not None:
             self.tables["position"][rows, PUCK] = options.puck_position
             self.tables["position"][rows, LEFT] = -0.5 * HOME * self.spec.length, 0.0
@@ -248,8 +273,72 @@ class Game:
                     f"the episodes on tables {np.flatnonzero(done).tolist()} are over: reset them before step"
                 )
         if others is None:
-            others = self._others if self._policy is None else self._ask(self._policy)
+            others = self._ask() if self._asks else self._others
         self._share(n, ROWS_PER_THREAD, self._step_rows, targets, others)
+
+    @property
+    def opponents(self) -> tuple[Opponent, ...]:
+        """The pool of opponents; with `opponent=None`, empty."""
+        return tuple(member for member in self._pool if member is not None)
+
+    def set_opponents(self, indices: ArrayLike, tables: ArrayLike | None = None) -> None:
+        """Assign opponents to tables, from the next step on; episodes under way go on.
+
+        Args:
+            indices: places in the pool: one for each of the tables, or one for all of them.
+            tables: numbers of tables, each once, or a mask (N,) of bool; None for all.
+
+        Raises:
+            ValueError: there are no such places or tables. Nothing has changed then.
+        """
+        rows = self._check_rows(tables)
+        places = np.asarray(indices)
+        whole = places.dtype.kind in "iu" and places.shape in ((), rows.shape)
+        if not whole or ((places < 0) | (places >= len(self._pool))).any():
+            raise ValueError(
+                f"indices must be whole numbers from 0 to {len(self._pool) - 1}, places in the pool of opponents, one "
+                f"or one for each of {len(rows)} tables; got {indices!r}"
+            )
+        self.tables["opponent"][rows] = places
+        self._seat(rows)
+
+    def set_opponent(self, index: int, opponent: Opponent) -> None:
+        """Put another opponent in a place of the pool, on whatever tables that place plays, from the next step on.
+
+        Raises:
+            ValueError: there is no such place, or no such opponent. Nothing has changed then.
+        """
+        self._check_one_player()
+        index = _whole("index", index, 0, len(self._pool) - 1)
+        _scripted("opponent", check_opponent(opponent))
+        self._pool[index] = opponent
+        self._seat(np.flatnonzero(self.tables["opponent"] == index))
+
+    def add_opponent(self, opponent: Opponent) -> int:
+        """Add an opponent to the pool; its place, for `set_opponents`. No table is assigned to it yet.
+
+        Raises:
+            ValueError: no such opponent. Nothing has changed then.
+        """
+        self._check_one_player()
+        _scripted("opponent", check_opponent(opponent))
+        self._pool.append(opponent)
+        return len(self._pool) - 1
+
+    def set_opponent_skill(self, skill: ArrayLike, tables: ArrayLike | None = None) -> None:
+        """Set the share of their speed that scripted opponents use, from the next step on.
+
+        It belongs to the tables, not to the places in the pool: whoever is assigned to a table plays with its skill.
+
+        Args:
+            skill: 0 to 1: one for each of the tables, or one for all of them.
+            tables: numbers of tables, each once, or a mask (N,) of bool; None for all.
+
+        Raises:
+            ValueError: the skill is out of range, or there are no such tables. Nothing has changed then.
+        """
+        rows = self._check_rows(tables)
+        self.tables["skill"][rows, 1] = _skill(skill, len(rows))
 
     def observations(self) -> NDArray[Any]:
         """Fresh observations of the left players, as `obs_type` says: (N, ...)."""
@@ -285,8 +374,12 @@ class Game:
     def set_state(self, state: NDArray[np.void], rows: NDArray[np.int64] | slice = slice(None)) -> None:
         """Put copied states back (or onto other tables): what follows is the same to the bit.
 
+        A state keeps the opponent's place in the pool, not the opponent: its table is assigned that place again, and
+        is played by whoever has it now. So a state that was saved before `set_opponents` brings back who played; one
+        that was saved before `set_opponent` is played by the new one; and one of another game by this game's.
+
         Raises:
-            ValueError: not a state of as many tables. Nothing has changed then.
+            ValueError: not a state of as many tables, or of a larger pool of opponents. Nothing has changed then.
         """
         chosen = np.ascontiguousarray(self._all_rows[rows])
         dtype = RANDOMIZED_TABLE if self.randomized else TABLE
@@ -295,10 +388,22 @@ class Game:
                 f"state must be what get_state returned for {len(chosen)} tables, got "
                 f"{getattr(state, 'dtype', type(state))!r} of shape {getattr(state, 'shape', None)}"
             )
+        table = state["table"] if self.randomized else state
+        places = table["opponent"]
+        if ((places < 0) | (places >= len(self._pool))).any():
+            raise ValueError(
+                f"state must be of a game with no more opponents than this one's {len(self._pool)}, got one that is "
+                f"played by number {places.max()} (counted from 0)"
+            )
+        moved = bool((places != self.tables["opponent"][chosen]).any())
+        self.tables[chosen] = table
         if self.randomized:
-            self.tables[chosen], self.physics[chosen] = state["table"], state["physics"]
+            self.physics[chosen] = state["physics"]
+        self.tables["player"][chosen, LEFT] = self._left
+        if moved:
+            self._seat(chosen)
         else:
-            self.tables[chosen] = state
+            self.tables["player"][chosen, RIGHT] = self._numbers[places]
         self._note_begun()
         kernel.refresh_rows(chosen, self.tables, self.physics, self.settings, self.out)
 
@@ -323,13 +428,94 @@ class Game:
             part.result()
 
     def _step_rows(self, first: int, last: int, targets: NDArray[np.float32], others: NDArray[np.float32]) -> None:
-        kernel.step_rows(first, last, self.tables, self.physics, self.settings, self._ranges, targets, others, self.out)
+        kernel.step_rows(first, last, self.tables, self.physics, self.settings, self.ranges, targets, others, self.out)
 
-    def _ask(self, policy: Policy) -> NDArray[np.float32]:
-        """The actions of an opponent from outside."""
-        seen = self.out.other_observation.view()
-        seen.flags.writeable = False
-        return _velocities("the opponent's actions", policy(seen), (self.num_tables, 2))
+    def _seat(self, rows: NDArray[np.int64]) -> None:
+        """Bring what follows from the pool, and from the places in it of the given tables, up to date."""
+        self._numbers = np.array([_scripted("opponent", member) for member in self._pool], np.int8)
+        self.tables["player"][rows, RIGHT] = self._numbers[self.tables["opponent"][rows]]
+        self._groups = None  # made where they are needed
+        self._asks = not self._two_players and bool((self.tables["player"][:, RIGHT] == EXTERNAL).any())
+        watched = bool(self.settings["both_sides"][0])
+        self.settings["both_sides"] = self._asks or self._two_players
+        if self._asks and not watched:
+            n = self.num_tables
+            if len(self.out.other_observation) != n:
+                self.out = self.out._replace(
+                    other_observation=np.zeros((n, OBSERVATION_SIZE), np.float32), other_reward=np.zeros(n)
+                )
+            # What the right-hand players see was not kept up to now.
+            playing = np.flatnonzero(self.tables["side"])
+            if not len(playing):
+                return
+            kernel.refresh_rows(playing, self.tables, self.physics, self.settings, self.out)
+
+    def _group(self) -> list[Group]:
+        """The tables on which policies from outside play, one group for each policy, in the order of the pool."""
+        members: dict[int, int] = {}  # a policy may have several places
+        group_of = np.full(len(self._pool), -1)
+        for place, member in enumerate(self._pool):
+            if callable(member):
+                group_of[place] = members.setdefault(id(member), len(members))
+        groups_of_tables = group_of[self.tables["opponent"]]
+        order = np.argsort(groups_of_tables, kind="stable")
+        bounds = np.searchsorted(groups_of_tables[order], np.arange(len(members) + 1))
+        groups = []
+        for group in range(len(members)):
+            rows = order[bounds[group] : bounds[group + 1]]
+            if not len(rows):
+                continue
+            place = int(np.argmax(group_of == group))
+            name = "the opponent's actions" if len(self._pool) == 1 else f"the actions of opponent {place}"
+            policy: Any = self._pool[place]
+            if rows[-1] - rows[0] == len(rows) - 1:
+                part, copied = slice(int(rows[0]), int(rows[-1]) + 1), None
+                seen = self.out.other_observation[part]
+                groups.append(Group(policy, name, part, _read_only(seen), None))
+            else:
+                copied = np.zeros((len(rows), OBSERVATION_SIZE), np.float32)
+                groups.append(Group(policy, name, rows, _read_only(copied), copied))
+        return groups
+
+    def _ask(self) -> NDArray[np.float32]:
+        """The actions of the opponents from outside."""
+        if self._groups is None:
+            self._groups = self._group()
+        n = self.num_tables
+        if len(self._groups) == 1 and len(self._groups[0].seen) == n:
+            group = self._groups[0]
+            self.answers = _velocities(group.name, group.policy(group.seen), (n, 2))
+            return self.answers
+        for policy, name, rows, seen, copied in self._groups:
+            if copied is not None and not isinstance(rows, slice):
+                np.take(self.out.other_observation, rows, axis=0, out=copied, mode="clip")  # others would copy twice
+            self._others[rows] = _velocities(name, policy(seen), (len(seen), 2))
+        self.answers = self._others
+        return self.answers
+
+    def _check_one_player(self) -> None:
+        if self._two_players:
+            raise ValueError("the caller plays the right paddle (opponent=None): there is no pool of opponents")
+
+    def _check_rows(self, tables: ArrayLike | None) -> NDArray[np.int64]:
+        """Numbers of tables."""
+        if tables is None:
+            return self._all_rows
+        n = self.num_tables
+        try:
+            given = np.atleast_1d(np.asarray(tables))
+        except ValueError as error:
+            raise ValueError(f"tables must be numbers of tables or a mask, got {tables!r}") from error
+        if given.dtype == np.bool_ and given.shape == (n,):
+            return np.flatnonzero(given)
+        if not given.size:
+            given = given.astype(np.int64)
+        whole = given.ndim == 1 and given.dtype.kind in "iu"
+        if not whole or ((given < 0) | (given >= n)).any() or len(np.unique(given)) != len(given):
+            raise ValueError(
+                f"tables must be whole numbers from 0 to {n - 1}, each once, or a mask of {n} bools; got {tables!r}"
+            )
+        return given.astype(np.int64)
 
     def check_reset_options(self, options: Mapping[str, Any] | None) -> ResetOptions:
         """`options` of a reset, checked; see `AirHockeyEnv.reset`.
@@ -372,29 +558,56 @@ class Game:
         return ResetOptions(serve, place, velocity)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_threads": None}  # threads are made anew where they are needed
+        # Threads and groups (whose views a copy would not keep) are made anew where they are needed.
+        return {**self.__dict__, "_threads": None, "_groups": None}
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Game:
         from copy import deepcopy
 
         copied = type(self).__new__(type(self))
         memo[id(self)] = copied
-        # A policy from outside is shared: it is a caller's, and may not be copyable.
+        # Policies from outside are shared: they are a caller's, and may not be copyable.
         copied.__dict__.update(
-            {name: value if name == "_policy" else deepcopy(value, memo) for name, value in self.__getstate__().items()}
+            {
+                name: list(value) if name == "_pool" else deepcopy(value, memo)
+                for name, value in self.__getstate__().items()
+            }
         )
         return copied
 
 
-def check_opponent(opponent: str | Policy) -> str | Policy:
+def check_opponent(opponent: Any, several: bool = False) -> Any:
     """`opponent` of a face: unlike a caller of `Game`, its user does not play the right paddle too.
 
+    Args:
+        several: a sequence of opponents will do as well.
+
     Raises:
-        ValueError: neither a name nor a callable.
+        ValueError: None, or a sequence that will not do.
     """
-    if opponent is None:
-        raise ValueError(f"opponent must be one of {sorted(SCRIPTED)} or a callable, got None")
+    if opponent is None or (not several and _is_pool(opponent)):
+        raise ValueError(f"opponent must be one of {sorted(SCRIPTED)} or a callable, got {opponent!r}")
     return opponent
+
+
+def _is_pool(opponent: Any) -> bool:
+    return isinstance(opponent, Sequence) and not isinstance(opponent, (str, bytes)) and not callable(opponent)
+
+
+def _pool(opponent: Any) -> list[Opponent | None]:
+    """The pool of opponents that an `opponent` argument means."""
+    if not _is_pool(opponent):
+        _scripted("opponent", opponent)
+        return [opponent]
+    if not opponent:
+        raise ValueError(f"opponent must be a player, or a sequence of one or more, got {opponent!r}")
+    for place, member in enumerate(opponent):
+        if not callable(member) and not (isinstance(member, str) and member in SCRIPTED):
+            raise ValueError(
+                f"opponent must be one of {sorted(SCRIPTED)}, a callable, or a sequence of these, got {member!r} at "
+                f"place {place} of one"
+            )
+    return list(opponent)
 
 
 def _scripted(name: str, player: str | Policy | None) -> int:
@@ -404,6 +617,12 @@ def _scripted(name: str, player: str | Policy | None) -> int:
     if isinstance(player, str) and player in SCRIPTED:
         return SCRIPTED[player]
     raise ValueError(f"{name} must be one of {sorted(SCRIPTED)} or a callable, got {player!r}")
+
+
+def _read_only(array: NDArray[np.float32]) -> NDArray[np.float32]:
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 def _skill(skill: ArrayLike, num_tables: int) -> NDArray[np.float64] | float:

@@ -61,6 +61,7 @@ TABLE = np.dtype(
         ("side", np.int8),  # that side: -1 left, +1 right
         ("done", np.bool_),  # the episode is over and the next has not begun
         ("player", np.int8, (2,)),  # who drives the left and the right paddle, see opponents
+        ("opponent", np.int64),  # its place in the game's pool of opponents
         ("score", np.int32, (2,)),  # points: left, right
         ("skill", np.float64, (2,)),  # share of its speed that a scripted player uses
         ("plan", np.float64),  # 0 to 1, drawn when the puck changes sides: how a scripted player shoots

@@ -11,7 +11,8 @@ from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
 from airhockey_env.env import check_render_mode, draw_row, make_renderer
-from airhockey_env.game import Game, Policy, check_opponent, check_seed
+from airhockey_env.game import Game, Opponent, check_opponent, check_seed
+from airhockey_env.pool import OpponentPool
 from airhockey_env.records import AUTORESET_SAME_STEP
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.tables import TableSpec
@@ -26,7 +27,7 @@ except ImportError as error:
 RENDER_MODES = ("rgb_array",)
 
 
-class AirHockeySB3VecEnv(VecEnv):
+class AirHockeySB3VecEnv(OpponentPool, VecEnv):
     """`num_envs` tables of `AirHockeyEnv` (whose docstring is the specification) as a Stable-Baselines3 `VecEnv`.
 
     Episodes restart in the step that ends them. The info of that step holds `terminal_observation`,
@@ -41,14 +42,16 @@ class AirHockeySB3VecEnv(VecEnv):
         max_episode_steps: steps after which an episode is truncated, or None.
         render_mode: None or `"rgb_array"`.
         render_size: as in `AirHockeyEnv`.
-        opponent, **arguments: those of `AirHockeyEnv` and `num_threads`.
+        opponent: as in `AirHockeyEnv`, or a sequence: a pool that the tables share and that can be changed while
+            playing, see `OpponentPool`.
+        **arguments: those of `AirHockeyEnv` and `num_threads`; `opponent_skill` may be an array, one for each table.
     """
 
     def __init__(
         self,
         num_envs: int,
         *,
-        opponent: str | Policy = "striker",
+        opponent: Opponent | Sequence[Opponent] = "striker",
         max_episode_steps: int | None = 1500,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
@@ -56,7 +59,7 @@ class AirHockeySB3VecEnv(VecEnv):
     ) -> None:
         self._game = Game(
             num_envs,
-            opponent=check_opponent(opponent),
+            opponent=check_opponent(opponent, several=True),
             max_episode_steps=max_episode_steps,
             autoreset=AUTORESET_SAME_STEP,
             **arguments,

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env.contacts import batch_contacts
 from airhockey_env.env import check_render_mode, draw_row, make_renderer
-from airhockey_env.game import Game, Policy, check_opponent, check_seed
+from airhockey_env.game import Game, Opponent, check_opponent, check_seed
+from airhockey_env.pool import OpponentPool
 from airhockey_env.records import AUTORESET_DISABLED, AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.tables import TableSpec
@@ -26,7 +27,7 @@ _AUTORESET = {
 RENDER_MODES = ("rgb_array",)
 
 
-class AirHockeyVectorEnv(VectorEnv):
+class AirHockeyVectorEnv(OpponentPool, VectorEnv):
     """`num_envs` tables of `AirHockeyEnv` (whose docstring is the specification), stepped together.
 
     The same seeds and actions give the same trajectories, to the bit, as single environments in a SyncVectorEnv.
@@ -39,7 +40,9 @@ class AirHockeyVectorEnv(VectorEnv):
         num_threads: threads that share a large batch; None takes all cores. The results do not depend on it.
         render_mode: None or `"rgb_array"`; `render()` then returns a tuple of pictures, one a table.
         task, opponent, opponent_skill, table, obs_type, continuous, reward, control_hz, randomize, render_size: as in
-            `AirHockeyEnv`. A callable opponent is asked once a step, for all tables.
+            `AirHockeyEnv`. A callable opponent is asked once a step, for all tables. `opponent` may also be a sequence,
+            a pool that the tables share and that can be changed while playing: see `OpponentPool`. `opponent_skill`
+            may also be an array, one for each table.
 
     Infos have Gymnasium's vector form: `score` (num_envs, 2), `is_success` (num_envs,), `contacts` (num_envs,) of
     `airhockey_env.contacts.Contacts`, and with `randomize` `table`, each with its mask; with `SAME_STEP` also
@@ -62,8 +65,8 @@ class AirHockeyVectorEnv(VectorEnv):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         num_threads: int | None = None,
         task: str = "point",
-        opponent: str | Policy = "striker",
-        opponent_skill: float = 1.0,
+        opponent: Opponent | Sequence[Opponent] = "striker",
+        opponent_skill: ArrayLike = 1.0,
         table: str | TableSpec = "full_size",
         obs_type: str = "state",
         continuous: bool = True,
@@ -82,7 +85,7 @@ class AirHockeyVectorEnv(VectorEnv):
             num_envs,
             task=task,
             table=table,
-            opponent=check_opponent(opponent),
+            opponent=check_opponent(opponent, several=True),
             opponent_skill=opponent_skill,
             obs_type=obs_type,
             continuous=continuous,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import os
 from collections import deque
@@ -84,10 +85,11 @@ class Window:
             return
         mouse = self._pygame.mouse
         # Not by set_visible: pygame takes a mouse that is both invisible and held for one that reports no places.
-        if held:
-            mouse.set_cursor((8, 8), (0, 0), (0,) * 8, (0,) * 8)
-        else:
-            mouse.set_cursor(self._pygame.SYSTEM_CURSOR_ARROW)
+        with contextlib.suppress(self._pygame.error):  # not every screen has cursors
+            if held:
+                mouse.set_cursor((8, 8), (0, 0), (0,) * 8, (0,) * 8)
+            else:
+                mouse.set_cursor(self._pygame.SYSTEM_CURSOR_ARROW)
         self._pygame.event.set_grab(held)
 
     def show(self, frame: np.ndarray, overlay: Callable[[Any], None] | None = None) -> None:

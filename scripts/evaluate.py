@@ -1,4 +1,4 @@
-"""Let a model play against scripted opponents: python -m scripts.evaluate MODEL --opponent NAME"""
+"""Let a model play against scripted opponents, or a task: python -m scripts.evaluate MODEL --opponent NAME"""
 
 from __future__ import annotations
 
@@ -9,23 +9,25 @@ from typing import Annotated
 import tyro
 
 from agents.checks import check_ranges
-from agents.evaluation import OPPONENTS, play_points
+from agents.evaluation import OPPONENTS, SOLO_TASKS, play_points, play_task
 from agents.files import write_json
 from agents.models import load_player
-from agents.report import print_results
+from agents.report import print_results, print_task_result
 from scripts._command import run_command
 
 
 @dataclass(frozen=True)
 class EvaluateArgs:
-    """Let a model play points against scripted opponents, half of them on each side of the table."""
+    """Let a model play points against scripted opponents, half of them on each side of the table; or a task."""
 
     model: Annotated[str, tyro.conf.Positional]
     """A run's folder, a policy.npz, a model.zip, or a scripted opponent's name."""
+    task: str = "point"
+    """"point"; or "hit" or "defend", which have no opponent."""
     opponent: str = "all"
     """"idle", "random", "goalie", "striker", or "all" of them."""
     episodes: int = 2000
-    """Points against each."""
+    """Points against each; or episodes of the task."""
     opponent_skill: float = 1.0
     """0 to 1."""
     table: str = "full_size"
@@ -45,7 +47,17 @@ def evaluate(args: EvaluateArgs) -> None:
     check_ranges(args, episodes=(1, 10**8), opponent_skill=(0, 1), seed=(0, 10**9))
     if args.json is not None and not args.json.parent.is_dir():
         raise FileNotFoundError(f"--json must name a file in a folder that exists, got {args.json}")
+    if args.task not in ("point", *SOLO_TASKS):
+        raise ValueError(f"--task must be one of {('point', *SOLO_TASKS)}, got {args.task!r}")
+    if args.task != "point" and (args.opponent != "all" or args.opponent_skill != 1.0):
+        raise ValueError(f"--opponent and --opponent-skill do not go with --task {args.task}, which has no opponent")
     player = load_player(args.model)
+    if args.task != "point":
+        result = play_task(player, args.task, args.episodes, seed=args.seed, table=args.table)
+        print_task_result(result)
+        if args.json is not None:
+            write_json(args.json, {"model": args.model, "results": [result.as_dict()]})
+        return
     names = OPPONENTS if args.opponent == "all" else (args.opponent,)
     results = [
         play_points(player, name, args.episodes, seed=args.seed, opponent_skill=args.opponent_skill, table=args.table)

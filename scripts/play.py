@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from dataclasses import dataclass
 from typing import Any
@@ -14,12 +15,16 @@ from agents.models import load_player
 from agents.sounds import Sounds
 from airhockey_env import raster
 from airhockey_env.render import LEFT, LEFT_LIGHT, RIGHT_LIGHT, ROOM, SMALLEST, WHITE, Color, Renderer
+from airhockey_env.tables import resolve_table
 from airhockey_env.window import Window, import_pygame
 from scripts._command import run_command
 
 QUIET_TEXT: Color = (134, 149, 181)
 FINER = 3
 """Texts are drawn this many times as large as they are shown."""
+
+UNSEEN = ("offscreen", "dummy", "evdev")
+"""Drivers of SDL whose windows nobody can see."""
 
 NOTICES = {
     "start": ("First to {points}", "Move the mouse: your paddle is the left one", WHITE),
@@ -37,8 +42,7 @@ class PlayArgs:
     """Play a match with the mouse, on the left: R restarts, Esc leaves."""
 
     opponent: str = "striker"
-    """A scripted opponent's name ("idle", "random", "goalie", "striker"), a run's folder, a policy.npz or a
-    model.zip."""
+    """"idle", "random", "goalie", "striker", a run's folder, a policy.npz or a model.zip."""
     skill: float = 1.0
     """0 to 1: share of its paddle's speed that the opponent uses."""
     table: str = "full_size"
@@ -174,9 +178,13 @@ class Table:
             while not self.window.closed:
                 self.turn(time.perf_counter())
         finally:
-            self.window.close()
-            if self._sounds is not None:
-                self._sounds.close()
+            self.close()
+
+    def close(self) -> None:
+        """Close the window and let the audio device go."""
+        self.window.close()
+        if self._sounds is not None:
+            self._sounds.close()
 
     def turn(self, now: float) -> None:
         """One picture: listen, play on, draw."""
@@ -238,12 +246,17 @@ def play(args: PlayArgs) -> None:
         raise ValueError(f"--size must be two whole numbers from {SMALLEST} to 8192, got {args.size}")
     pygame = import_pygame()
     opponent = load_player(args.opponent)
+    spec = resolve_table(args.table)
     print("Getting ready; the first time takes a while.", flush=True)
-    match = LiveMatch(opponent, skill=args.skill, table=args.table, points=args.points)
+    match = LiveMatch(opponent, skill=args.skill, table=spec, points=args.points)
     try:
         table = Table(match, name_of(args.opponent), size=args.size, fps=args.fps, sound=args.sound)
     except pygame.error as error:
         raise OSError(f"there is no screen to open a window on: {error}") from error
+    driver = pygame.display.get_driver()
+    if driver in UNSEEN and "SDL_VIDEODRIVER" not in os.environ:  # which SDL falls back on by itself
+        table.close()
+        raise OSError(f"there is no screen to open a window on: SDL found only its driver {driver!r}")
     table.run()
     left, right = match.score
     print(f"You {left} : {right} {name_of(args.opponent)}")

@@ -1,32 +1,39 @@
-"""Record a video of two players: python -m scripts.record_video MODEL --opponent NAME --out FILE"""
+"""Record a video of two players, or of a replay: python -m scripts.record_video MODEL --opponent NAME --out FILE"""
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import tyro
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from agents.checks import check_ranges
 from agents.models import load_player
 from agents.video import SUFFIXES, frames_of_play, write_video
+from airhockey_env.replay import Replay, is_replay, play_back_frames
 from scripts._command import run_command
 
 
 @dataclass(frozen=True)
 class RecordArgs:
-    """Record a video of two players."""
+    """Record a video of two players, or of a replay."""
 
     model: Annotated[str, tyro.conf.Positional]
-    """The left player: a run's folder, a policy.npz, a model.zip, or a scripted opponent's name."""
+    """The left player: a run's folder, a policy.npz, a model.zip, or a scripted opponent's name. Or a replay's
+    file, which has both players, the table and the seed in it."""
     opponent: str = "striker"
     """The right player: likewise."""
     out: Path = Path("video.mp4")
     """File to write: .mp4 or .gif."""
-    seconds: float = 20.0
-    """Of play."""
+    seconds: float | None = None
+    """Of play; by default 20, or all of a replay."""
     fps: int = 25
     """Pictures for a second, 1 to 50."""
     width: int = 640
@@ -50,20 +57,32 @@ def record(args: RecordArgs) -> None:
     if not args.out.parent.is_dir():
         raise FileNotFoundError(f"--out must lie in a folder that exists, got {args.out}")
     check_ranges(args, fps=(1, 50), seconds=(0.1, 3600), width=(32, 4096), height=(32, 4096), seed=(0, 10**9))
-    frames = frames_of_play(
-        load_player(args.model),
-        load_player(args.opponent),
-        args.seconds,
-        seed=args.seed,
-        fps=args.fps,
-        size=(args.width, args.height),
-        table=args.table,
-    )
-    number = round(args.seconds * args.fps)
+    size = (args.width, args.height)
+    frames: Iterator[NDArray[np.uint8]]
+    if is_replay(args.model):
+        for field in dataclasses.fields(args):
+            if field.name in ("opponent", "table", "seed") and getattr(args, field.name) != field.default:
+                raise ValueError(f"--{field.name} does not go with a replay, which has its own")
+        replay = Replay.load(args.model)
+        seconds = replay.seconds if args.seconds is None else min(args.seconds, replay.seconds)
+        number = max(1, round(seconds * args.fps))
+        frames = islice(play_back_frames(replay, size=size, fps=args.fps), number)
+    else:
+        seconds = 20.0 if args.seconds is None else args.seconds
+        number = round(seconds * args.fps)
+        frames = frames_of_play(
+            load_player(args.model),
+            load_player(args.opponent),
+            seconds,
+            seed=args.seed,
+            fps=args.fps,
+            size=size,
+            table=args.table,
+        )
     write_video(
         args.out, iter(tqdm(frames, total=number, unit="frame", delay=1.0, leave=False, disable=None)), args.fps
     )
-    print(f"{args.out}: {args.seconds:g} s of play")
+    print(f"{args.out}: {seconds:g} s of play")
 
 
 def main() -> None:

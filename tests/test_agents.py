@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import airhockey_env  # noqa: F401  registers
 from agents import evaluation
 from agents.checks import check_ranges
-from agents.evaluation import Result, play_points, wilson_interval
+from agents.evaluation import Result, TaskResult, play_points, play_task, wilson_interval
 from agents.features import relative_features
 from agents.files import read_json, replace, write_json
 from agents.models import export_policy, load_player, load_ppo
@@ -111,6 +111,44 @@ class TestPlayPoints:
     def test_a_policy_that_answers_nonsense(self) -> None:
         with pytest.raises(ValueError, match="finite"):
             play_points(lambda seen: np.full((len(seen), 2), np.nan, np.float32), "idle", 2)
+
+
+class TestPlayTask:
+    @pytest.mark.parametrize("task", ["hit", "defend"])
+    def test_counts_are_those_of_the_registered_environment(self, task: str) -> None:
+        env = gym.make(f"AirHockey{task.capitalize()}-v0")
+        successes = failures = timeouts = steps = 0
+        for seed in range(8):
+            env.reset(seed=seed)
+            over = False
+            while not over:
+                _, _, terminated, truncated, info = env.step(np.zeros(2, np.float32))
+                over = terminated or truncated
+                steps += 1
+            successes += info["is_success"]
+            failures += terminated and not info["is_success"]
+            timeouts += not terminated
+        assert play_task("idle", task, 8) == TaskResult(task, successes, failures, timeouts, steps / 8 / 50)
+
+    def test_a_callable_plays_as_a_scripted_player_does(self) -> None:
+        def idle(observations: NDArray[np.float32]) -> NDArray[np.float32]:
+            return np.zeros((len(observations), 2), np.float32)
+
+        assert play_task(idle, "defend", 20) == play_task("idle", "defend", 20)
+
+    def test_every_episode_has_its_own_table(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        whole = play_task("striker", "hit", 22)
+        monkeypatch.setattr(evaluation, "TABLES_AT_ONCE", 4)
+        assert play_task("striker", "hit", 22) == whole
+
+    @pytest.mark.parametrize(
+        ("arguments", "message"),
+        [({"task": "point"}, "task must be one of"), ({"episodes": 0}, "episodes must be 1 or more")],
+    )
+    def test_bad_arguments(self, arguments: dict, message: str) -> None:
+        with pytest.raises(ValueError, match=message):
+            play_task(**{"policy": "idle", "task": "hit", "episodes": 2, **arguments})
+
 
 
 class TestResult:

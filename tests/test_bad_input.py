@@ -50,7 +50,7 @@ def snapshot(env):
 # Arguments
 
 ARGUMENTS = [
-    *(("opponent", value) for value in ("Striker", "", None, 3, ["idle"])),
+    *(("opponent", value) for value in ("Striker", "", None, 3, ["idel"], [])),
     *(("opponent_skill", value) for value in (-0.01, 1.01, NAN, INF, "1", None, True)),
     *(("table", value) for value in ("Full_size", None, 2, {})),
     *(("continuous", value) for value in (1, 0, "yes", None)),

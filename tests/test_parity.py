@@ -129,6 +129,8 @@ def test_stable_baselines_batch_is_the_same_step_batch(arguments):
             final = infos["final_info"]
             assert same(detail.pop("terminal_observation"), infos["final_obs"][i])
             assert same(detail.pop("score"), final["score"][i])
+            for name, value in detail.pop("table", {}).items():
+                assert value == final["table"][name][i]
             assert detail == {"TimeLimit.truncated": truncated[i], "is_success": final["is_success"][i]}
     assert ended > n
 

@@ -183,7 +183,7 @@ class TestTrainPpo:
             (("--opponent", "nobody"), "opponent must be one of"),
             (("--table", "billiards"), "table must be one of"),
             (("--reward", "huge"), "reward must be one of"),
-            (("--weakest", "2"), "opponent_skill must be from 0 to 1"),
+            (("--opponents", "striker", "nobody"), "opponent must be"),
             (("--num-envs", "0"), "--num-envs must be 1 or more, got 0"),
             (("--steps", "0"), "--steps must be 1 or more, got 0"),
             (("--steps", "many"), "many"),
@@ -245,10 +245,19 @@ class TestEvaluate:
         assert printed == call("evaluate", "striker", "--opponent", "goalie", "--episodes", "20")
         assert printed != call("evaluate", "striker", "--opponent", "goalie", "--episodes", "20", "--seed", "1")
 
+    def test_a_task(self, tmp_path: Path, call: Call) -> None:
+        printed = call("evaluate", "striker", "--task", "hit", "--episodes", "20", "--json", "result.json")
+        assert "20 episodes" in printed
+        (row,) = json.loads((tmp_path / "result.json").read_text())["results"]
+        assert row["task"] == "hit"
+        assert row["successes"] + row["failures"] + row["timeouts"] == row["episodes"] == 20
+
     @pytest.mark.parametrize(
         ("arguments", "message"),
         [
             ((), "python -m scripts.evaluate --help"),
+            (("idle", "--task", "juggle"), "--task must be one of"),
+            (("idle", "--task", "hit", "--opponent", "goalie"), "do not go with --task hit"),
             (("nobody",), "MODEL must be one of"),
             (("idle", "--opponent", "nobody"), "opponent must be one of"),
             (("idle", "--table", "billiards"), "table must be one of"),

@@ -1,0 +1,210 @@
+"""Documentation: its examples run, its links lead somewhere, and it says what the docstrings and the registry say."""
+
+from __future__ import annotations
+
+import inspect
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import gymnasium
+import numpy as np
+import pytest
+
+from airhockey_env import AirHockeyEnv
+from airhockey_env.parallel_env import AirHockeyParallelEnv
+from airhockey_env.policy import MlpPolicy
+from airhockey_env.tasks import TASKS
+from tests.faces import IDS
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+EXTENDING = ROOT / "docs" / "extending.md"
+ENVIRONMENTS = (ROOT / "docs" / "environments.md").read_text()
+
+
+class Block(NamedTuple):
+    """A block of code on a page."""
+
+    section: int  # number of the heading that it stands under
+    line: int  # of the page, where the code begins
+    language: str
+    code: str
+
+
+def blocks(page: Path) -> list[Block]:
+    """The blocks of code on a page, in order."""
+    found: list[Block] = []
+    section, start, language = 0, 0, ""
+    lines = page.read_text().splitlines()
+    for number, line in enumerate(lines):
+        if start:
+            if line == "```":
+                found.append(Block(section, start, language, "\n".join(lines[start:number]) + "\n"))
+                start = 0
+        elif line.startswith("```"):
+            start, language = number + 1, line[3:]
+        elif line.startswith("#"):
+            section += 1
+    assert not start, f"{page}: a block of code does not end"
+    return found
+
+
+def examples(page: Path, changed: bool = False) -> list[Block]:
+    """The Python blocks of a page for the package as it is, or those for the one that the page's diffs change.
+
+    The latter stand under a heading with a diff.
+    """
+    every = blocks(page)
+    with_diff = {block.section for block in every if block.language == "diff"}
+    return [block for block in every if block.language == "python" and (block.section in with_diff) == changed]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder to work in, with a run in it; and what an example registers is forgotten afterwards."""
+    run = tmp_path / "runs" / "baseline"
+    run.mkdir(parents=True)
+    MlpPolicy([np.zeros((2, 13), np.float32)], [np.zeros(2, np.float32)]).save(run / "policy.npz")
+    monkeypatch.chdir(tmp_path)
+    registered = dict(gymnasium.registry)
+    yield tmp_path
+    gymnasium.registry.clear()
+    gymnasium.registry.update(registered)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_python_blocks_run(page: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names: dict[str, object] = {"__name__": "example"}
+    for block in examples(page):
+        exec(compile("\n" * block.line + block.code, str(page), "exec"), names)
+    printed = capsys.readouterr().out
+    if page.name == "README.md":
+        lines = [line for line in printed.splitlines() if "the target leaves at" in line]
+        exact = [line for line in lines if line.startswith(("kiss ", "continuous "))]
+        assert len(lines) == 12 and len(exact) == 8
+        assert all(line.endswith("-22.0243 degrees") for line in exact)
+        assert not any("-22.0243" in line for line in lines if line not in exact)
+
+
+def apply(diff: str, root: Path) -> None:
+    """Change a file as a diff block says. Its context has to be there once: line numbers are not needed."""
+    name, *hunks = diff.removeprefix("--- ").split("@@\n")
+    path = root / name.strip()
+    text = path.read_text()
+    for hunk in hunks:
+        lines = hunk.splitlines(keepends=True)
+        before = "".join(line[1:] for line in lines if line[0] in " -")
+        after = "".join(line[1:] for line in lines if line[0] in " +")
+        assert text.count(before) == 1, f"in {name.strip()} these lines stand {text.count(before)} times:\n{before}"
+        text = text.replace(before, after)
+    path.write_text(text)
+
+
+CHECK = """
+assert abs(earned[1] - earned[0] - 0.01 * 0.1 / 350) < 1e-12, earned  # the potential knows the shot clock
+
+env = gym.make("AirHockey-v0", opponent="chaser").unwrapped
+env.reset(seed=0, options={"serve": "right"})
+before = abs(env.positions[1] - env.positions[2]).sum()
+for _ in range(8):
+    env.step(np.zeros(2, np.float32))
+assert abs(env.positions[1] - env.positions[2]).sum() < before
+
+clear = gym.make_vec("AirHockeyClear-v0", num_envs=400, autoreset_mode="SameStep")
+clear.reset(seed=0)
+ended, won = 0, 0
+for _ in range(100):
+    _, _, terminated, truncated, infos = clear.step(clear.action_space.sample())
+    if "final_info" in infos:
+        ended += (terminated | truncated).sum()
+        won += infos["final_info"]["is_success"].sum()
+assert ended >= 400 and 0 < won < ended, (ended, won)
+"""
+
+
+def test_changes_inside_the_package_work(folder: Path) -> None:
+    shutil.copytree(ROOT / "airhockey_env", folder / "airhockey_env", ignore=shutil.ignore_patterns("__pycache__"))
+    for block in blocks(EXTENDING):
+        if block.language == "diff":
+            apply(block.code, folder)
+    code = "".join(block.code for block in examples(EXTENDING, changed=True)) + CHECK
+    inherited = {key: value for key, value in os.environ.items() if not key.startswith("NUMBA_")}
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        cwd=folder,
+        env=inherited | {"PYTHONPATH": str(folder)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def anchors(page: Path) -> set[str]:
+    """The names under which GitHub links to the headings of a page."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(), flags=re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text()):
+        if link.startswith(("http://", "https://")):
+            continue
+        path, _, anchor = link.partition("#")
+        target = page.parent / path if path else page
+        assert target.exists(), f"{link} leads nowhere"
+        assert not anchor or anchor in anchors(target), f"{link}: no such heading"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_exist(page: Path) -> None:
+    for name in re.findall(r"python -m scripts\.(\w+)", page.read_text()):
+        assert (ROOT / "scripts" / f"{name}.py").exists(), f"there is no scripts.{name}"
+
+
+@pytest.mark.parametrize("name", [*IDS, "AirHockeyParallelEnv"])
+def test_every_environment_has_its_section(name: str) -> None:
+    _, *rest = re.split(rf"^## `{name}`\n", ENVIRONMENTS, flags=re.MULTILINE)
+    assert len(rest) == 1
+    section = re.split(r"^## ", rest[0], flags=re.MULTILINE)[0].lower()
+    for part in (
+        "description",
+        "action",
+        "observation",
+        "rewards",
+        "starting state",
+        "episode end",
+        "info",
+        "arguments",
+        "version history",
+    ):
+        assert re.search(rf"\*\*[^*]*{part}[^*]*\*\*", section), f"{name}: no {part}"
+
+
+@pytest.mark.parametrize("environment", [AirHockeyEnv, AirHockeyParallelEnv])
+def test_page_and_docstring_agree(environment: type) -> None:
+    """Tables of observations and arguments stand in both, word for word."""
+    page = set(ENVIRONMENTS.splitlines())
+    rows = [line.strip() for line in (environment.__doc__ or "").splitlines() if re.match(r" *\| (\d|`[a-z])", line)]
+    assert len(rows) >= 9
+    assert not [row for row in rows if row not in page]
+
+
+def test_table_of_ids_is_that_of_the_registry() -> None:
+    pattern = r"\| \[?`(AirHockey\w*-v\d+)`(?:\]\(\S+\))? \| `\"(\w+)\"` \| (.*?) \| `\"(\w+)\"` \| (\d+) steps \|"
+    rows = re.findall(pattern, ENVIRONMENTS)
+    assert rows == re.findall(pattern, AirHockeyEnv.__doc__ or "")
+    assert sorted(row[0] for row in rows) == IDS
+    default = inspect.signature(AirHockeyEnv).parameters["opponent"].default
+    for name, task, _, opponent, steps in rows:
+        spec = gymnasium.spec(name)
+        assert spec.kwargs.get("task", "point") == task
+        assert spec.kwargs.get("opponent", default) == opponent == TASKS[task].opponent
+        assert spec.max_episode_steps == int(steps) == TASKS[task].max_episode_steps
