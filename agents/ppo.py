@@ -25,7 +25,7 @@ from agents.models import export_policy, load_ppo
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import PRESETS
 
-DEFAULT_STEPS = 20_000_000
+DEFAULT_STEPS = 30_000_000
 
 
 @dataclass(frozen=True)
@@ -37,12 +37,11 @@ class TrainArgs:
     resume: str | None = None
     """Go on with this run (its folder, or its name under runs/), with its own arguments, to --steps in all."""
     steps: int | None = None
-    """Environment steps in all. Default: 20 million, or with --resume what the run was to have."""
+    """Environment steps in all. Default: 30 million, or with --resume what the run was to have."""
     seed: int = 0
     """Of the network, the actions and the tables."""
-    opponents: tuple[str, ...] = ("striker", "striker", "goalie", "idle")
-    """Whom to play against while training, on as many tables each. Against the striker alone an agent learns to wait
-    for its mistakes: who never shoots at it is beaten less often."""
+    opponents: tuple[str, ...] = ("striker",)
+    """Whom to play against while training, on as many tables each; name one twice to meet it twice as often."""
     opponent: str = "striker"
     """Whom evaluations while training are against."""
     reward: str = "shaped"

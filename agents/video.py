@@ -80,7 +80,7 @@ def _write_gif(path: Path, frames: Iterator[NDArray[np.uint8]], fps: int) -> Non
     from PIL import Image
 
     first = next(frames)
-    palette = Image.fromarray(first).quantize(128)
+    palette = Image.fromarray(first).quantize(256, Image.Quantize.MAXCOVERAGE)  # keeps the colours of small things
     pictures = [
         Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in (first, *frames)
     ]

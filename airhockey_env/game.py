@@ -292,7 +292,10 @@ class Game:
             ValueError: there are no such places or tables. Nothing has changed then.
         """
         rows = self._check_rows(tables)
-        places = np.asarray(indices)
+        try:
+            places = np.asarray(indices)
+        except ValueError:  # lists of different lengths
+            places = np.array(None)
         whole = places.dtype.kind in "iu" and places.shape in ((), rows.shape)
         if not whole or ((places < 0) | (places >= len(self._pool))).any():
             raise ValueError(
@@ -453,7 +456,7 @@ class Game:
     def _group(self) -> list[Group]:
         """The tables on which policies from outside play, one group for each policy, in the order of the pool."""
         members: dict[int, int] = {}  # a policy may have several places
-        group_of = np.full(len(self._pool), -1)
+        group_of = np.full(len(self._pool), -1, np.min_scalar_type(-1 - len(self._pool)))  # small ones sort faster
         for place, member in enumerate(self._pool):
             if callable(member):
                 group_of[place] = members.setdefault(id(member), len(members))

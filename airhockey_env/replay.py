@@ -341,9 +341,7 @@ class RecordReplay(gym.Wrapper, RecordConstructorArgs):
         self._others: list[NDArray[np.float32]] = []
         self._saved = -1
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Any, dict[str, Any]]:  # as the environment's
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begin an episode, and a take."""
         result = self.env.reset(seed=seed, options=options)
         self._begin(self._game.get_state(), seed)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
@@ -35,7 +36,7 @@ class RecordArgs:
     seconds: float | None = None
     """Of play; by default 20, or all of a replay."""
     fps: int = 25
-    """Pictures for a second, 1 to 50."""
+    """Pictures for a second, 1 to 50; of a replay at most one of every step."""
     width: int = 640
     """px."""
     height: int = 344
@@ -58,6 +59,7 @@ def record(args: RecordArgs) -> None:
         raise FileNotFoundError(f"--out must lie in a folder that exists, got {args.out}")
     check_ranges(args, fps=(1, 50), seconds=(0.1, 3600), width=(32, 4096), height=(32, 4096), seed=(0, 10**9))
     size = (args.width, args.height)
+    fps = args.fps
     frames: Iterator[NDArray[np.uint8]]
     if is_replay(args.model):
         for field in dataclasses.fields(args):
@@ -65,23 +67,22 @@ def record(args: RecordArgs) -> None:
                 raise ValueError(f"--{field.name} does not go with a replay, which has its own")
         replay = Replay.load(args.model)
         seconds = replay.seconds if args.seconds is None else min(args.seconds, replay.seconds)
-        number = max(1, round(seconds * args.fps))
-        frames = islice(play_back_frames(replay, size=size, fps=args.fps), number)
+        fps = min(fps, math.floor(replay.control_hz))
+        number = max(1, round(seconds * fps))
+        frames = islice(play_back_frames(replay, size=size, fps=fps), number)
     else:
         seconds = 20.0 if args.seconds is None else args.seconds
-        number = round(seconds * args.fps)
+        number = round(seconds * fps)
         frames = frames_of_play(
             load_player(args.model),
             load_player(args.opponent),
             seconds,
             seed=args.seed,
-            fps=args.fps,
+            fps=fps,
             size=size,
             table=args.table,
         )
-    write_video(
-        args.out, iter(tqdm(frames, total=number, unit="frame", delay=1.0, leave=False, disable=None)), args.fps
-    )
+    write_video(args.out, iter(tqdm(frames, total=number, unit="frame", delay=1.0, leave=False, disable=None)), fps)
     print(f"{args.out}: {seconds:g} s of play")
 
 

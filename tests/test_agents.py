@@ -150,7 +150,6 @@ class TestPlayTask:
             play_task(**{"policy": "idle", "task": "hit", "episodes": 2, **arguments})
 
 
-
 class TestResult:
     def test_shares(self) -> None:
         result = Result("goalie", wins=6, losses=2, draws=4, seconds=3.5)

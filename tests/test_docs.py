@@ -138,7 +138,7 @@ def test_changes_inside_the_package_work(folder: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", code],
         cwd=folder,
-        env=inherited | {"PYTHONPATH": str(folder)},
+        env=inherited | {"PYTHONPATH": str(folder), "NUMBA_OPT": "1"},  # it is compiled but once
         capture_output=True,
         text=True,
         check=False,

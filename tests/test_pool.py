@@ -339,7 +339,21 @@ def test_copies_go_on_the_same_and_by_themselves(copied):
 
 # Bad input
 
-BAD_PLACES = [-1, 4, 1.0, True, None, "striker", [0], [0, 1, 2], [0, 1, 2, 4], [[0, 1, 2, 3]], [0.0, 1.0, 2.0, 3.0], []]
+BAD_PLACES = [
+    -1,
+    4,
+    1.0,
+    True,
+    None,
+    "striker",
+    [0],
+    [0, 1, 2],
+    [0, 1, 2, 4],
+    [[0, 1, 2, 3]],
+    [0.0, 1.0, 2.0, 3.0],
+    [],
+    [[0], 1],
+]
 BAD_TABLES = [-1, 4, 1.0, "0", [0, 0], [[0]], [True], [0, 4], [0, -1], [None], [[0], [0, 1]]]
 
 

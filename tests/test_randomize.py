@@ -22,7 +22,7 @@ RANGES = {"puck_radius": (0.03, 0.045), "length": (2.0, 2.6), "drag_linear": (0.
 
 def test_fields_are_those_of_a_spec_in_their_order():
     physics = physics_record(FULL_SIZE, 50)
-    assert FIELDS == tuple(field.name for field in dataclasses.fields(TableSpec))
+    assert tuple(field.name for field in dataclasses.fields(TableSpec)) == FIELDS
     assert physics["spec"].shape == (1, len(FIELDS))
     assert TableSpec(*physics["spec"][0].tolist()) == FULL_SIZE
 

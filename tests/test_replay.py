@@ -359,6 +359,10 @@ def test_a_video_of_a_replay(recorded, tmp_path, monkeypatch, capsys):
     call(recorded, "--out", out, "--width", 64, "--height", 32, "--fps", 10, "--seconds", 1)
     with Image.open(out) as video:
         assert video.n_frames == 10
+    record(tmp_path / "slow.npz", steps=30, control_hz=12)
+    call(tmp_path / "slow.npz", "--out", out, "--width", 64, "--height", 32)  # 12 pictures a second, not 25
+    with Image.open(out) as video:
+        assert abs(video.n_frames - 30) <= 1
     for option, value in (("--opponent", "goalie"), ("--table", "ideal"), ("--seed", 1)):
         with pytest.raises(SystemExit, match=f"{option} does not go with a replay"):
             call(recorded, "--out", out, option, value)
