@@ -86,5 +86,6 @@ def batch_contacts(
     if len(rows):
         made = map(Contacts, repeat(buffer[rows]), range(len(rows)), counts[rows].tolist())
         contacts[rows] = np.fromiter(made, dtype=object, count=len(rows))
-    contacts[~present] = None
+    if not present.all():
+        contacts[~present] = None
     return contacts
