@@ -15,7 +15,7 @@ from airhockey_env.observations import observe
 from airhockey_env.opponents import EXTERNAL, SCRIPTED
 from airhockey_env.records import RIGHT
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
-from tests.faces import COPIES, pursue, random_actions, same
+from tests.faces import COPIES, pursue, random_actions, same, shown
 
 
 def retreat(seen):
@@ -70,7 +70,7 @@ def test_tables_are_assigned_evenly_and_in_order(face):
 
 
 @pytest.mark.parametrize("mode", list(AutoresetMode)[:2])
-@pytest.mark.parametrize("arguments", [{}, {"reward": "shaped"}, {"randomize": {"width": (1.0, 1.2)}}], ids=str)
+@pytest.mark.parametrize("arguments", [{}, {"reward": "shaped"}, {"randomize": {"width": (1.0, 1.2)}}], ids=shown)
 def test_every_table_plays_as_one_with_its_opponent_alone(mode, arguments):
     n = 9
     common = {"autoreset_mode": mode, "max_episode_steps": 90, **arguments}
@@ -120,7 +120,7 @@ def test_neither_batch_size_nor_threads_nor_grouping_matter():
             assert same(few, tuple(part[:count] for part in results[2]))
 
 
-@pytest.mark.parametrize("places", [[0, 1, 2, 0, 1, 2, 0], [0, 0, 0, 1, 1, 2, 2], [1, 1, 1, 1, 1, 1, 1]], ids=str)
+@pytest.mark.parametrize("places", [[0, 1, 2, 0, 1, 2, 0], [0, 0, 0, 1, 1, 2, 2], [1, 1, 1, 1, 1, 1, 1]], ids=shown)
 def test_each_policy_is_asked_once_a_step_for_its_tables_alone(places):
     first, second = Noted(), Noted(retreat)
     envs = AirHockeyVectorEnv(7, opponent=[first, second, "goalie"])
@@ -371,23 +371,23 @@ def refuses(envs, match, method, *arguments):
     assert envs._game.get_state().tobytes() == before and envs.opponents == pool
 
 
-@pytest.mark.parametrize("places", BAD_PLACES, ids=repr)
+@pytest.mark.parametrize("places", BAD_PLACES, ids=shown)
 def test_bad_places(envs, places):
     refuses(envs, r"^indices must be whole numbers from 0 to 3, .*; got ", "set_opponents", places)
 
 
-@pytest.mark.parametrize("tables", BAD_TABLES, ids=repr)
+@pytest.mark.parametrize("tables", BAD_TABLES, ids=shown)
 def test_bad_tables(envs, tables):
     for method, value in (("set_opponents", 1), ("set_opponent_skill", 0.5)):
         refuses(envs, r"^tables must be ", method, value, tables)
 
 
-@pytest.mark.parametrize("skill", [-0.1, 1.1, math.nan, "1", None, True, [0.5], [0.0, 0.0, 0.0, 2.0]], ids=repr)
+@pytest.mark.parametrize("skill", [-0.1, 1.1, math.nan, "1", None, True, [0.5], [0.0, 0.0, 0.0, 2.0]], ids=shown)
 def test_bad_skill(envs, skill):
     refuses(envs, r"^opponent_skill must be .*, got ", "set_opponent_skill", skill)
 
 
-@pytest.mark.parametrize("opponent", [None, "Striker", 3, [], ["idle"], [pursue]], ids=str)
+@pytest.mark.parametrize("opponent", [None, "Striker", 3, [], ["idle"], [pursue]], ids=shown)
 def test_bad_members(envs, opponent):
     refuses(envs, r"^opponent must be one of .*, got ", "add_opponent", opponent)
     refuses(envs, r"^opponent must be one of .*, got ", "set_opponent", 1, opponent)
@@ -395,7 +395,7 @@ def test_bad_members(envs, opponent):
         type(envs)(2, opponent=["idle", opponent])
 
 
-@pytest.mark.parametrize("index", [-1, 4, 1.0, True, None, "0"], ids=repr)
+@pytest.mark.parametrize("index", [-1, 4, 1.0, True, None, "0"], ids=shown)
 def test_bad_places_for_a_member(envs, index):
     refuses(envs, r"^index must be a whole number from 0 to 3, got ", "set_opponent", index, "idle")
 
