@@ -304,7 +304,9 @@ def train(args: TrainArgs) -> RunFolder:
 
 
 def _check(args: TrainArgs) -> None:
-    """Numbers that no run can have, before anything is written."""
+    """What no run can have, before anything is written."""
+    if args.opponent not in OPPONENTS:
+        raise ValueError(f"opponent must be one of {OPPONENTS}, got {args.opponent!r}")
     most = math.inf
     check_ranges(
         args, steps=(1, most), seed=(0, 2**31 - 1), num_envs=(1, most), n_steps=(2, most), batch_size=(2, most),

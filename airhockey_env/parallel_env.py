@@ -92,6 +92,7 @@ class AirHockeyParallelEnv(ParallelEnv[str, NDArray[Any], Any]):
     | `continuous` | True or False, see above | True |
     | `reward` | `"sparse"` or `"shaped"` | `"sparse"` |
     | `control_hz` | 10 to 240: control steps per second | 50 |
+    | `randomize` | None, or a mapping from `TableSpec` fields to (low, high): drawn anew for every episode | None |
     | `max_episode_steps` | whole number or None: steps after which an episode is truncated | 1500 |
     | `render_mode` | None, `"rgb_array"`, `"human"` | None |
     | `render_size` | (width, height) px or None | None |
@@ -118,6 +119,7 @@ class AirHockeyParallelEnv(ParallelEnv[str, NDArray[Any], Any]):
         continuous: bool = True,
         reward: str = "sparse",
         control_hz: float = 50,
+        randomize: Mapping[str, tuple[float, float]] | None = None,
         max_episode_steps: int | None = 1500,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
@@ -133,6 +135,7 @@ class AirHockeyParallelEnv(ParallelEnv[str, NDArray[Any], Any]):
             continuous=continuous,
             reward=reward,
             control_hz=control_hz,
+            randomize=randomize,
             max_episode_steps=max_episode_steps,
             num_threads=1,
         )
@@ -158,7 +161,7 @@ class AirHockeyParallelEnv(ParallelEnv[str, NDArray[Any], Any]):
     @property
     def table(self) -> TableSpec:
         """The table in play."""
-        return self._game.spec
+        return self._game.table_of(0)
 
     @property
     def positions(self) -> NDArray[np.float64]:
@@ -302,6 +305,8 @@ class AirHockeyParallelEnv(ParallelEnv[str, NDArray[Any], Any]):
         for agent, own in (("left", score.copy()), ("right", score[::-1].copy())):
             contacts = Contacts(game.out.contacts.copy(), 0, count) if count else NO_CONTACTS
             infos[agent] = {"score": own, "contacts": contacts, "is_success": over and bool(own[0] > own[1])}
+            if game.randomized:
+                infos[agent]["table"] = {name: float(value[0]) for name, value in game.drawn().items()}
         return infos
 
     def __getstate__(self) -> dict[str, Any]:

@@ -162,6 +162,9 @@ def benchmark(args: BenchmarkArgs) -> dict[str, Any]:
             f"batch of {args.num_envs}, one core, idle opponent", args.num_envs, num_threads=1, opponent="idle"
         ),
         batch_measure(f"batch of {args.num_envs}, one core, shaped", args.num_envs, num_threads=1, reward="shaped"),
+        batch_measure(
+            f"batch of {args.num_envs}, one core, rgb pictures", args.num_envs, num_threads=1, obs_type="rgb"
+        ),
         single_measure("gym.make, one table", gym.make("AirHockey-v0")),
         single_measure("one table without wrappers", gym.make("AirHockey-v0").unwrapped),
         single_measure("Gymnasium's CartPole-v1 through gym.make", gym.make("CartPole-v1")),

@@ -42,6 +42,27 @@ SPECS: dict[str, TableSpec] = {
     ),
 }  # fmt: skip
 
+RANDOM = "random"
+"""Every seed and rate plays on a table of its own."""
+
+
+def random_spec(seed: int, control_hz: float) -> TableSpec:
+    """Any table, within a factor of two to three of real ones."""
+    rng = np.random.default_rng((seed, int(control_hz)))
+    while True:
+        length, width, goal = rng.uniform((1.0, 0.5, 0.1), (3.0, 1.5, 0.6))
+        puck, paddle, mass = rng.uniform((0.02, 0.03, 0.005), (0.07, 0.09, 0.1))
+        kept = rng.uniform(0.0, 1.0, 3)
+        drag = rng.uniform(0.0, (0.1, 1.0, 0.2))
+        paddle_speed, acceleration, puck_speed = rng.uniform((1.0, 5.0, 5.0), (10.0, 300.0, 30.0))
+        try:
+            return TableSpec(
+                length, width, goal, puck, mass, paddle, *kept, *drag, paddle_speed, acceleration, puck_speed
+            )
+        except ValueError:  # they do not fit together
+            continue
+
+
 CHASE, AHEAD, PIN, JITTER, SHAKE, WANDER, MODES = range(7)
 
 FAILURES = (
@@ -297,12 +318,13 @@ def play_hostile(spec: TableSpec, control_hz: float, steps: int, seed: int, tabl
 
 def hunt(steps: int, seed: int, chunk: int = 200_000):
     """Hostile play on every table of `SPECS` at every rate of `RATES`, in turn; yields (name, rate, seed, Report)."""
-    places = [(name, rate) for name in SPECS for rate in RATES]
+    places = [(name, rate) for name in (*SPECS, RANDOM) for rate in RATES]
     chunk = min(chunk, -(-steps // len(places)))
     played = 0
     while played < steps:
         for name, rate in places:
-            report = play_hostile(SPECS[name], rate, chunk, seed)
+            spec = SPECS[name] if name in SPECS else random_spec(seed, rate)
+            report = play_hostile(spec, rate, chunk, seed)
             played += report.steps
             yield name, rate, seed, report
             if played >= steps:

@@ -27,6 +27,12 @@ def test_the_laws_hold_in_hostile_play(name):
     assert points > 5
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_the_laws_hold_in_hostile_play_on_random_tables(seed):
+    for rate in hostile.RATES:
+        assert hostile.play_hostile(hostile.random_spec(seed, rate), rate, 2000, seed).failure == ""
+
+
 def test_hostile_play_repeats_to_the_bit():
     first, second = (hostile.play_hostile(FULL_SIZE, 50.0, 4000, seed=8) for _ in range(2))
     assert first == second

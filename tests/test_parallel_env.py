@@ -51,6 +51,7 @@ VARIANTS = [
     *({"table": name} for name in PRESETS),
     *({"control_hz": rate} for rate in (10, 240)),
     {**PICTURES, "max_episode_steps": 9},
+    {"randomize": {"puck_radius": (0.03, 0.045), "length": (2.0, 2.6)}},
 ]
 
 
