@@ -20,8 +20,9 @@ from stable_baselines3.common.vec_env import VecMonitor
 from agents.checks import check_ranges
 from agents.evaluation import MAX_EPISODE_STEPS, OPPONENTS, play_points
 from agents.features import RelativeFeatures
-from agents.files import read_json, replace, write_json
+from agents.files import read_json, write_json
 from agents.models import export_policy, load_ppo
+from airhockey_env.files import replace
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import PRESETS
 

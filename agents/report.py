@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.evaluation import Result, TaskResult, wilson_interval
-from agents.files import replace
+from airhockey_env.files import replace
 
 
 def print_results(results: Sequence[Result]) -> None:

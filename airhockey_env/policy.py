@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from airhockey_env.files import replace
 from airhockey_env.game import DIRECTIONS
 from airhockey_env.records import OBSERVATION_SIZE
 
@@ -68,12 +68,7 @@ class MlpPolicy:
             arrays[f"weight_{k}"], arrays[f"bias_{k}"] = weight, bias
         buffer = io.BytesIO()
         np.savez(buffer, **arrays)
-        part = Path(f"{path}.part")
-        try:
-            part.write_bytes(buffer.getvalue())
-            os.replace(part, path)
-        finally:
-            part.unlink(missing_ok=True)
+        replace(path, lambda part: part.write_bytes(buffer.getvalue()))
 
     @classmethod
     def load(cls, path: str | Path) -> MlpPolicy:

@@ -35,7 +35,6 @@ import dataclasses
 import hashlib
 import io
 import json
-import os
 import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -48,6 +47,7 @@ from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
 from airhockey_env.env import AirHockeyEnv, draw_row, make_renderer
+from airhockey_env.files import replace
 from airhockey_env.game import DIRECTIONS, REWARDS, Game
 from airhockey_env.physics import FIELDS
 from airhockey_env.records import AUTORESET_SAME_STEP, LEFT, PUCK, RIGHT
@@ -101,12 +101,7 @@ class Replay:
         buffer = io.BytesIO()
         arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
         np.savez_compressed(buffer, replay=np.array(json.dumps(notes)), **arrays)
-        part = Path(f"{path}.part")
-        try:
-            part.write_bytes(buffer.getvalue())
-            os.replace(part, path)
-        finally:
-            part.unlink(missing_ok=True)
+        replace(path, lambda part: part.write_bytes(buffer.getvalue()))
 
     @classmethod
     def load(cls, path: str | Path) -> Replay:

@@ -17,10 +17,11 @@ from agents import evaluation
 from agents.checks import check_ranges
 from agents.evaluation import Result, TaskResult, play_points, play_task, wilson_interval
 from agents.features import relative_features
-from agents.files import read_json, replace, write_json
+from agents.files import read_json, write_json
 from agents.models import export_policy, load_player, load_ppo
 from agents.ppo import TrainArgs, make_env, make_model
 from agents.report import draw_training, print_results
+from airhockey_env.files import replace
 from airhockey_env.game import DIRECTIONS
 from airhockey_env.policy import MlpPolicy
 from airhockey_env.tables import FULL_SIZE

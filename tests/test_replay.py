@@ -179,7 +179,7 @@ def test_a_failed_write_leaves_the_old_file(recorded, tmp_path, monkeypatch):
     def fail(*_):
         raise OSError("no space left")
 
-    monkeypatch.setattr("airhockey_env.replay.os.replace", fail)
+    monkeypatch.setattr("airhockey_env.files.os.replace", fail)
     with pytest.raises(OSError, match="no space"):
         Replay.load(recorded).save(path)
     assert path.read_bytes() == before and [file.name for file in tmp_path.iterdir()] == ["game.npz"]
