@@ -3,30 +3,26 @@
 from __future__ import annotations
 
 import dataclasses
-import datetime
 import math
-import time
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import torch
 from stable_baselines3 import PPO
-from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList, ProgressBarCallback
-from stable_baselines3.common.logger import KVWriter, Logger, configure
 from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.checks import check_ranges
+from agents.course import Course
 from agents.evaluation import MAX_EPISODE_STEPS, OPPONENTS, play_points
 from agents.features import RelativeFeatures
 from agents.files import read_json, write_json
 from agents.models import export_policy, load_ppo
-from airhockey_env.files import replace
+from agents.runs import Clock, Records, RunFolder, logger, save
+from airhockey_env.game import Opponent
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import PRESETS
-
-DEFAULT_STEPS = 30_000_000
 
 
 @dataclass(frozen=True)
@@ -38,11 +34,15 @@ class TrainArgs:
     resume: str | None = None
     """Go on with this run (its folder, or its name under runs/), with its own arguments, to --steps in all."""
     steps: int | None = None
-    """Environment steps in all. Default: 30 million, or with --resume what the run was to have."""
+    """Environment steps in all. Default: 20 million, or with --resume what the run was to have."""
     seed: int = 0
     """Of the network, the actions and the tables."""
     opponents: tuple[str, ...] = ("striker",)
-    """Whom to play against while training, on as many tables each; name one twice to meet it twice as often."""
+    """Whom to play against, on as many tables each; name one twice to meet it twice as often."""
+    warmup_opponents: tuple[str, ...] = ("idle",)
+    """Whom to play against at first. An agent that begins against who defends learns to wait, not to attack."""
+    warmup_steps: int = 4_000_000
+    """How long."""
     opponent: str = "striker"
     """Whom evaluations while training are against."""
     reward: str = "shaped"
@@ -58,7 +58,7 @@ class TrainArgs:
     n_epochs: int = 4
     """Passes over the samples of an update."""
     learning_rate: float = 7e-4
-    """At the start; falls linearly to a tenth of it."""
+    """At the start; falls linearly to a fiftieth of it."""
     gamma: float = 0.99
     """Discount of a step."""
     gae_lambda: float = 0.95
@@ -80,90 +80,42 @@ class TrainArgs:
     video_seconds: float = 20.0
     """Length of the video of the trained agent; 0 for none."""
 
+    default_steps = 20_000_000
+    command = "train_ppo"
 
-class RunFolder:
-    """The files of one run."""
+    def course(self) -> Course:
+        """Whom the tables play against, and when."""
+        return Course(self.warmup_opponents, self.warmup_steps, self.opponents)
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.config = path / "config.json"
-        self.model = path / "model.zip"
-        self.policy = path / "policy.npz"
-        self.evaluations = path / "evaluations.json"
-        self.picture = path / "training.png"
-        self.video = path / "video.gif"
-
-    @classmethod
-    def create(cls, name: str | None) -> RunFolder:
-        """A new folder.
+    def check(self) -> None:
+        """Refuse what no run can have, before anything is written.
 
         Raises:
-            FileExistsError: there is a run of that name.
-            ValueError: the name is none that a folder can have.
+            ValueError: an argument is out of range.
         """
-        if name is not None and (not name or Path(name).name != name):
-            raise ValueError(f"--name must be a folder's name, got {name!r}")
-        path = Path("runs") / (name or f"ppo-{datetime.datetime.now():%Y%m%d-%H%M%S}")
-        if (path / "config.json").exists():
-            raise FileExistsError(f"{path} holds a run already: choose another --name, or go on with --resume {path}")
-        path.mkdir(parents=True, exist_ok=True)
-        return cls(path)
-
-    @classmethod
-    def open(cls, name: str) -> RunFolder:
-        """The folder of a run that exists, by its path or its name under runs/.
-
-        Raises:
-            FileNotFoundError: there is no such run.
-        """
-        for path in (Path(name), Path("runs") / name):
-            if (path / "config.json").exists() and (path / "model.zip").exists():
-                return cls(path)
-        raise FileNotFoundError(f"--resume must name a run's folder with config.json and model.zip, got {name!r}")
-
-
-class _Records(KVWriter):
-    """Keeps what Stable-Baselines3 logs after every update."""
-
-    def __init__(self, rows: list[dict[str, float]], clock: _Clock) -> None:
-        self.rows = rows
-        self.clock = clock
-
-    def write(self, key_values: dict[str, Any], key_excluded: dict[str, Any], step: int = 0) -> None:
-        names = {
-            "rollout/ep_len_mean": "episode_length",
-            "rollout/ep_rew_mean": "episode_reward",
-            "train/entropy_loss": "entropy",
-            "train/approx_kl": "kl",
-            "train/explained_variance": "explained_variance",
-            "time/fps": "fps",
-        }
-        row = {names[key]: float(value) for key, value in key_values.items() if key in names}
-        if "entropy" in row:
-            row["entropy"] = -row["entropy"]
-        self.rows.append({"steps": step, "seconds": self.clock.seconds, **row})
-
-    def close(self) -> None:
-        """Nothing is held open."""
-
-
-class _Clock:
-    """Wall time of training, over all sessions of a run."""
-
-    def __init__(self, before: float) -> None:
-        self.before = before
-        self.start = time.perf_counter()
-
-    @property
-    def seconds(self) -> float:
-        return self.before + time.perf_counter() - self.start
+        if self.opponent not in OPPONENTS:
+            raise ValueError(f"opponent must be one of {OPPONENTS}, got {self.opponent!r}")
+        for name in ("opponents", "warmup_opponents"):
+            given = getattr(self, name)
+            if not given or not set(given) <= set(OPPONENTS):
+                raise ValueError(f"--{name.replace('_', '-')} must be some of {OPPONENTS}, got {given!r}")
+        most = math.inf
+        check_ranges(
+            self, steps=(1, most), seed=(0, 2**31 - 1), warmup_steps=(0, most), num_envs=(1, most), n_steps=(2, most),
+            batch_size=(2, most), n_epochs=(1, most), learning_rate=(0, 1), gamma=(0, 1), gae_lambda=(0, 1),
+            clip_range=(0, 10), ent_coef=(0, 10), net_width=(1, most), eval_every=(1, most), eval_points=(1, most),
+            report_points=(1, most), threads=(1, 1024), video_seconds=(0, 3600),
+        )  # fmt: skip
 
 
 class _Watch(BaseCallback):
     """Evaluates and saves while training."""
 
-    def __init__(self, folder: RunFolder, args: TrainArgs, history: dict[str, Any], clock: _Clock) -> None:
+    def __init__(
+        self, folder: RunFolder, args: TrainArgs, course: Course, history: dict[str, Any], clock: Clock
+    ) -> None:
         super().__init__()
+        self.course = course
         self.folder = folder
         self.args = args
         self.history = history
@@ -189,26 +141,15 @@ class _Watch(BaseCallback):
             self.logger.record(f"eval/{name}", row[name])
         self.logger.record("eval/draw_rate", row["draws"] / row["points"])
         save(self.folder, self.model, self.history)
+        self.course.save(self.folder.path)
 
 
-def save(folder: RunFolder, model: BaseAlgorithm, history: dict[str, Any]) -> None:
-    """Write the model, its policy and the record of the run, each at once or not at all."""
-    replace(folder.model, lambda part: _save_zip(model, part))
-    export_policy(model).save(folder.policy)
-    write_json(folder.evaluations, history)
-
-
-def _save_zip(model: BaseAlgorithm, path: Path) -> None:
-    with open(path, "wb") as file:  # a path would get a suffix of its own
-        model.save(file)
-
-
-def make_env(args: TrainArgs) -> VecMonitor:
-    """The tables to train on."""
+def make_env(args: TrainArgs, pool: Sequence[Opponent]) -> VecMonitor:
+    """The tables to train on, and who may play on them."""
     return VecMonitor(
         AirHockeySB3VecEnv(
             args.num_envs,
-            opponent=args.opponents,
+            opponent=pool,
             reward=args.reward,
             table=args.table,
             max_episode_steps=MAX_EPISODE_STEPS,
@@ -241,18 +182,12 @@ def make_model(args: TrainArgs, env: VecMonitor) -> PPO:
 
 @dataclass(frozen=True)
 class _Falling:
-    """A learning rate that falls linearly to a tenth."""
+    """A learning rate that falls linearly to a fiftieth."""
 
     start: float
 
     def __call__(self, remaining: float) -> float:
-        return self.start * (0.1 + 0.9 * remaining)
-
-
-def _logger(folder: RunFolder, records: _Records) -> Logger:
-    logger = configure(str(folder.path / "tensorboard"), ["tensorboard"])
-    logger.output_formats.append(records)
-    return logger
+        return self.start * (0.02 + 0.98 * remaining)
 
 
 def train(args: TrainArgs) -> RunFolder:
@@ -261,60 +196,51 @@ def train(args: TrainArgs) -> RunFolder:
     Raises:
         ValueError, FileExistsError, FileNotFoundError: an argument does not fit; nothing has been written then.
     """
-    _check(args)
+    args.check()
     if args.steps is None and args.resume is None:
-        args = dataclasses.replace(args, steps=DEFAULT_STEPS)
+        args = dataclasses.replace(args, steps=args.default_steps)
     torch.set_num_threads(args.threads)
     if args.resume is None:
-        env = make_env(args)
+        course = args.course()
+        env = make_env(args, course.pool)
         model = make_model(args, env)
         folder = RunFolder.create(args.name)
         history: dict[str, Any] = {"evaluations": [], "updates": [], "report": []}
         save(folder, model, history)
+        course.save(folder.path)
         write_json(folder.config, dataclasses.asdict(args))  # last: what has it can be resumed
     else:
         folder = RunFolder.open(args.resume)
         try:
             kept, history = read_json(folder.config), read_json(folder.evaluations)
-            args = TrainArgs(**{**kept, "steps": args.steps or kept["steps"], "resume": args.resume})
+            args = type(args)(**{**kept, "steps": args.steps or kept["steps"], "resume": args.resume})
             history = {name: history[name] for name in ("evaluations", "updates", "report")}
         except (TypeError, KeyError) as error:
             raise ValueError(f"{folder.path} cannot be resumed, its files do not fit: {error}") from error
-        _check(args)
-        env = make_env(args)
+        args.check()
+        course = args.course()
+        course.load(folder.path)
+        env = make_env(args, course.pool)
         model = load_ppo(folder.model, env)
         env.seed(args.seed + model.num_timesteps)  # other serves than the ones that were played
-    left = (args.steps or DEFAULT_STEPS) - model.num_timesteps
-    clock = _Clock(history["updates"][-1]["seconds"] if history["updates"] else 0.0)
-    watch = _Watch(folder, args, history, clock)
-    model.set_logger(_logger(folder, _Records(history["updates"], clock)))
-    whom = ", ".join(args.opponents)
-    print(f"{folder.path}: {max(left, 0):,} steps against {whom}. Ctrl-C stops early and keeps everything.")
+    left = (args.steps or args.default_steps) - model.num_timesteps
+    clock = Clock(history["updates"][-1]["seconds"] if history["updates"] else 0.0)
+    watch = _Watch(folder, args, course, history, clock)
+    model.set_logger(logger(folder, Records(history["updates"], clock)))
+    print(f"{folder.path}: {max(left, 0):,} steps against {course.whom()}. Ctrl-C stops early and keeps everything.")
     bar = ProgressBarCallback()
     try:
         if left > 0:
-            model.learn(left, callback=CallbackList([watch, bar]), reset_num_timesteps=args.resume is None)
+            model.learn(left, callback=CallbackList([course, watch, bar]), reset_num_timesteps=args.resume is None)
     except KeyboardInterrupt:
         if hasattr(bar, "pbar"):
             bar.pbar.close()  # or it would go on drawing over the report
-        print(f"\nStopped. Go on with: python -m scripts.train_ppo --resume {folder.path}")
+        print(f"\nStopped. Go on with: python -m scripts.{args.command} --resume {folder.path}")
     save(folder, model, history)
+    course.save(folder.path)
     report(folder, args, history)
     env.close()
     return folder
-
-
-def _check(args: TrainArgs) -> None:
-    """What no run can have, before anything is written."""
-    if args.opponent not in OPPONENTS:
-        raise ValueError(f"opponent must be one of {OPPONENTS}, got {args.opponent!r}")
-    most = math.inf
-    check_ranges(
-        args, steps=(1, most), seed=(0, 2**31 - 1), num_envs=(1, most), n_steps=(2, most), batch_size=(2, most),
-        n_epochs=(1, most), learning_rate=(0, 1), gamma=(0, 1), gae_lambda=(0, 1), clip_range=(0, 10),
-        ent_coef=(0, 10), net_width=(1, most), eval_every=(1, most), eval_points=(1, most), report_points=(1, most),
-        threads=(1, 1024), video_seconds=(0, 3600),
-    )  # fmt: skip
 
 
 def report(folder: RunFolder, args: TrainArgs, history: dict[str, Any]) -> None:

@@ -32,8 +32,10 @@ from airhockey_env.records import (
     SETTINGS,
     TABLE,
 )
+from airhockey_env.spaces import DIRECTIONS
 from airhockey_env.tables import TableSpec, resolve_table
 from airhockey_env.tasks import TASKS, right_start
+from airhockey_env.trained import TRAINED, trained_policy
 
 Policy = Callable[[NDArray[np.float32]], ArrayLike]
 """An opponent from outside: float32 observations (N, 13), seen from its own side, to actions (N, 2)."""
@@ -42,19 +44,15 @@ Opponent = str | Policy
 """Who plays the right paddle: a scripted player's name, or a policy from outside."""
 
 REWARDS = ("sparse", "shaped")
+NAMES = (*SCRIPTED, *TRAINED)
+"""Of opponents."""
+
 OBS_TYPES = ("state", *CHANNELS)
 CONTROL_HZ = (10, 240)
 ROWS_PER_THREAD = 1024
 """Fewer tables than this are not worth waking a thread for."""
 PICTURES_PER_THREAD = 64
 """Nor fewer pictures than this."""
-
-DIRECTIONS = np.array(
-    [[0, 0], [1, 0], [math.sqrt(0.5), math.sqrt(0.5)], [0, 1], [-math.sqrt(0.5), math.sqrt(0.5)],
-     [-1, 0], [-math.sqrt(0.5), -math.sqrt(0.5)], [0, -1], [math.sqrt(0.5), -math.sqrt(0.5)]],
-    dtype=np.float32,
-)  # fmt: skip
-"""The nine discrete actions: stay, then eight directions at full speed, counter-clockwise from straight ahead."""
 
 SERVERS = {"random": 0, "left": -1, "right": 1}
 
@@ -458,8 +456,8 @@ class Game:
         members: dict[int, int] = {}  # a policy may have several places
         group_of = np.full(len(self._pool), -1, np.min_scalar_type(-1 - len(self._pool)))  # small ones sort faster
         for place, member in enumerate(self._pool):
-            if callable(member):
-                group_of[place] = members.setdefault(id(member), len(members))
+            if _scripted("opponent", member) == EXTERNAL:
+                group_of[place] = members.setdefault(id(_policy(member)), len(members))
         groups_of_tables = group_of[self.tables["opponent"]]
         order = np.argsort(groups_of_tables, kind="stable")
         bounds = np.searchsorted(groups_of_tables[order], np.arange(len(members) + 1))
@@ -470,7 +468,7 @@ class Game:
                 continue
             place = int(np.argmax(group_of == group))
             name = "the opponent's actions" if len(self._pool) == 1 else f"the actions of opponent {place}"
-            policy: Any = self._pool[place]
+            policy = _policy(self._pool[place])
             if rows[-1] - rows[0] == len(rows) - 1:
                 part, copied = slice(int(rows[0]), int(rows[-1]) + 1), None
                 seen = self.out.other_observation[part]
@@ -589,7 +587,7 @@ def check_opponent(opponent: Any, several: bool = False) -> Any:
         ValueError: None, or a sequence that will not do.
     """
     if opponent is None or (not several and _is_pool(opponent)):
-        raise ValueError(f"opponent must be one of {sorted(SCRIPTED)} or a callable, got {opponent!r}")
+        raise ValueError(f"opponent must be one of {NAMES} or a callable, got {opponent!r}")
     return opponent
 
 
@@ -605,9 +603,9 @@ def _pool(opponent: Any) -> list[Opponent | None]:
     if not opponent:
         raise ValueError(f"opponent must be a player, or a sequence of one or more, got {opponent!r}")
     for place, member in enumerate(opponent):
-        if not callable(member) and not (isinstance(member, str) and member in SCRIPTED):
+        if not callable(member) and not (isinstance(member, str) and member in NAMES):
             raise ValueError(
-                f"opponent must be one of {sorted(SCRIPTED)}, a callable, or a sequence of these, got {member!r} at "
+                f"opponent must be one of {NAMES}, a callable, or a sequence of these, got {member!r} at "
                 f"place {place} of one"
             )
     return list(opponent)
@@ -615,11 +613,17 @@ def _pool(opponent: Any) -> list[Opponent | None]:
 
 def _scripted(name: str, player: str | Policy | None) -> int:
     """The number of who drives a paddle."""
-    if player is None or (callable(player) and name == "opponent"):
+    if player is None or (name == "opponent" and (callable(player) or (isinstance(player, str) and player in TRAINED))):
         return EXTERNAL
     if isinstance(player, str) and player in SCRIPTED:
         return SCRIPTED[player]
-    raise ValueError(f"{name} must be one of {sorted(SCRIPTED)} or a callable, got {player!r}")
+    allowed = f"{NAMES} or a callable" if name == "opponent" else f"{tuple(SCRIPTED)}"
+    raise ValueError(f"{name} must be one of {allowed}, got {player!r}")
+
+
+def _policy(opponent: Any) -> Policy:
+    """Of an opponent from outside, or of a trained one by its name."""
+    return trained_policy(opponent) if isinstance(opponent, str) else opponent
 
 
 def _read_only(array: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -48,9 +48,10 @@ from numpy.typing import NDArray
 
 from airhockey_env.env import AirHockeyEnv, draw_row, make_renderer
 from airhockey_env.files import replace
-from airhockey_env.game import DIRECTIONS, REWARDS, Game
+from airhockey_env.game import REWARDS, Game
 from airhockey_env.physics import FIELDS
 from airhockey_env.records import AUTORESET_SAME_STEP, LEFT, PUCK, RIGHT
+from airhockey_env.spaces import DIRECTIONS
 from airhockey_env.tables import TableSpec
 from airhockey_env.tasks import TASKS
 from airhockey_env.version import __version__

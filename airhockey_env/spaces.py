@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from gymnasium import spaces
 
 from airhockey_env.pixels import CHANNELS, SIZE
 from airhockey_env.records import OBSERVATION_SIZE
+
+DIRECTIONS = np.array(
+    [[0, 0], [1, 0], [math.sqrt(0.5), math.sqrt(0.5)], [0, 1], [-math.sqrt(0.5), math.sqrt(0.5)],
+     [-1, 0], [-math.sqrt(0.5), -math.sqrt(0.5)], [0, -1], [math.sqrt(0.5), -math.sqrt(0.5)]],
+    dtype=np.float32,
+)  # fmt: skip
+"""The nine discrete actions: stay, then eight directions at full speed, counter-clockwise from straight ahead."""
 
 
 def observation_space(obs_type: str = "state") -> spaces.Box:
@@ -19,4 +28,4 @@ def observation_space(obs_type: str = "state") -> spaces.Box:
 
 def action_space(continuous: bool) -> spaces.Box | spaces.Discrete:
     """Target velocities, or the nine discrete directions: see `AirHockeyEnv`."""
-    return spaces.Box(-1.0, 1.0, (2,), np.float32) if continuous else spaces.Discrete(9)
+    return spaces.Box(-1.0, 1.0, (2,), np.float32) if continuous else spaces.Discrete(len(DIRECTIONS))

@@ -22,8 +22,8 @@ from agents.models import export_policy, load_player, load_ppo
 from agents.ppo import TrainArgs, make_env, make_model
 from agents.report import draw_training, print_results
 from airhockey_env.files import replace
-from airhockey_env.game import DIRECTIONS
 from airhockey_env.policy import MlpPolicy
+from airhockey_env.spaces import DIRECTIONS
 from airhockey_env.tables import FULL_SIZE
 
 SMALL = TrainArgs(num_envs=4, n_steps=4, batch_size=8, net_width=16)
@@ -224,6 +224,38 @@ class TestMlpPolicy:
         with pytest.raises(ValueError, match=message):
             MlpPolicy(weights, [np.zeros(shape[0], np.float32) for shape in shapes], activation)
 
+    def test_rows_do_not_depend_on_each_other(self) -> None:
+        policy, seen = some_policy(), some_observations()
+        together = policy(seen)
+        for rows in (slice(0, 1), slice(3, 5), slice(7, 200)):
+            np.testing.assert_array_equal(policy(seen[rows]), together[rows])
+        np.testing.assert_array_equal(policy(np.asfortranarray(seen)), together)
+
+    def test_it_is_the_network(self) -> None:
+        for activation, function in (("tanh", np.tanh), ("relu", lambda x: np.maximum(x, 0.0))):
+            policy, x = some_policy(2, activation), some_observations().astype(np.float64)
+            for weight, bias in zip(policy.weights[:-1], policy.biases[:-1], strict=True):
+                x = function(x @ weight.T + bias)
+            expected = np.clip(x @ policy.weights[-1].T + policy.biases[-1], -1.0, 1.0)
+            np.testing.assert_allclose(policy(some_observations()), expected, atol=2e-6)
+
+    def test_tanh(self) -> None:
+        x = np.concatenate([np.linspace(-12.0, 12.0, 2001), np.geomspace(1e-30, 1.0, 500)]).astype(np.float32)
+        weight, bias = np.zeros((1, 13), np.float32), np.zeros(1, np.float32)
+        weight[0, 0] = 1.0
+        last = np.array([[1.0], [0.0]], np.float32)
+        policy = MlpPolicy([weight, last], [bias, np.zeros(2, np.float32)])
+        seen = np.zeros((len(x), 13), np.float32)
+        seen[:, 0] = x
+        np.testing.assert_allclose(policy(seen)[:, 0], np.tanh(x.astype(np.float64)), rtol=5e-7)
+
+    def test_it_keeps_its_own_weights(self) -> None:
+        weights, biases = [np.ones((2, 13), np.float32)], [np.zeros(2, np.float32)]
+        policy = MlpPolicy(weights, biases)
+        weights[0][:], biases[0][:] = 5.0, 5.0
+        assert (policy.weights[0] == 1.0).all()
+        assert (policy.biases[0] == 0.0).all()
+
     def test_it_plays_as_an_opponent(self) -> None:
         policy = some_policy()
         single = gym.make("AirHockey-v0", opponent=policy)
@@ -233,7 +265,7 @@ class TestMlpPolicy:
         for _ in range(30):
             one, *_ = single.step(np.zeros(2, np.float32))
             many, *_ = batch.step(np.zeros((3, 2), np.float32))
-            np.testing.assert_allclose(one, many[0], atol=1e-5)
+            np.testing.assert_array_equal(one, many[0])
         assert np.abs(one[6:8]).max() > 0.0
 
 
@@ -242,7 +274,7 @@ class TestStableBaselines3:
     def model(self):
         import torch
 
-        model = make_model(SMALL, make_env(SMALL))
+        model = make_model(SMALL, make_env(SMALL, SMALL.opponents))
         with torch.no_grad():  # an untrained network hardly moves
             for weights in model.policy.parameters():
                 weights.add_(0.3 * torch.randn(weights.shape, generator=torch.Generator().manual_seed(1)))

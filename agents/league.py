@@ -1,0 +1,163 @@
+"""A league: an agent against itself, its past selves and the scripted opponents.
+
+Every episode's opponent is drawn anew: the latest self with a fixed share, the others by prioritised fictitious
+self-play, the more often the harder they are (Vinyals et al., "Grandmaster level in StarCraft II using multi-agent
+reinforcement learning", Nature 575, 2019). The environment is the same from both sides, to the bit, so the agent
+learns on the left and its opponents play on the right.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from agents.course import Course
+from agents.files import read_json, write_json
+from agents.models import export_policy
+from airhockey_env.game import Opponent
+from airhockey_env.opponents import SCRIPTED
+from airhockey_env.policy import MlpPolicy
+
+WINDOW = 400
+"""Points over which a member's record is averaged."""
+
+LEAST_PRIORITY = 0.02
+"""Of a member that always loses, 1 being one that always wins: a record has to stay fresh."""
+
+LATEST = "latest self"
+
+
+@dataclass
+class Member:
+    """One of the league, and how the agent has lately done against it."""
+
+    name: str
+    points: int = 0
+    won: float = 0.5  # share of points won by the agent; a draw counts as half
+    drawn: float = 0.0
+
+    def record(self, won: float, drawn: float) -> None:
+        """Take in a point: an average over the first `WINDOW` points, then one that forgets."""
+        self.points += 1
+        share = 1.0 / min(self.points, WINDOW)
+        self.won += share * (won - self.won)
+        self.drawn += share * (drawn - self.drawn)
+
+    @property
+    def priority(self) -> float:
+        return max((1.0 - self.won) ** 2, LEAST_PRIORITY)
+
+
+class League(Course):
+    """Draws an opponent for every episode, and takes in a copy of the agent every so often.
+
+    Args:
+        warmup, warmup_steps: as in `Course`.
+        scripted: names of scripted opponents.
+        latest_share: of episodes against the agent as it is now.
+        snapshot_every: steps between copies.
+        most_past_selves: kept; the weakest goes when there are more.
+        seed: of the draws.
+    """
+
+    def __init__(
+        self,
+        warmup: tuple[str, ...],
+        warmup_steps: int,
+        scripted: tuple[str, ...],
+        *,
+        latest_share: float,
+        snapshot_every: int,
+        most_past_selves: int,
+        seed: int,
+    ) -> None:
+        # The latest self has a place from the start, with someone in it who is replaced before he plays.
+        super().__init__(warmup, warmup_steps, ("idle", *scripted))
+        self.members = [Member(LATEST), *(Member(name) for name in scripted)]
+        self.first = len(warmup)  # place of the first member in the pool
+        self.past: dict[int, MlpPolicy] = {}  # past selves by their number among the members
+        self.latest_share = latest_share
+        self.snapshot_every = snapshot_every
+        self.most_past_selves = most_past_selves
+        self.due = warmup_steps
+        self.random = np.random.default_rng(seed)
+
+    def draw(self, number: int) -> np.ndarray:
+        """(number,) places in the pool of opponents for that many episodes."""
+        priorities = np.array([member.priority for member in self.members[1:]])
+        shares = np.append(self.latest_share, (1.0 - self.latest_share) * priorities / priorities.sum())
+        return self.first + self.random.choice(len(self.members), number, p=shares)
+
+    def places(self) -> np.ndarray:
+        return super().places() if self.warming_up else self.draw(self.training_env.num_envs)
+
+    def _on_rollout_start(self) -> None:
+        if not self.warming_up:
+            latest = export_policy(self.model)
+            self.training_env.env_method("set_opponent", self.first, latest)
+            if self.num_timesteps >= self.due:
+                self.due = self.num_timesteps + self.snapshot_every
+                self.take_in(f"self at {self.num_timesteps}", latest)
+            self.logger.record("league/drawn", float(np.mean([member.drawn for member in self.members])))
+        super()._on_rollout_start()
+
+    def _on_step(self) -> bool:
+        rows = np.flatnonzero(self.locals["dones"])
+        if self.warming_up or not len(rows):
+            return True
+        seated = self.training_env.get_attr("opponent_indices", 0)[0][rows] - self.first
+        for row, number in zip(rows, seated, strict=True):
+            info = self.locals["infos"][row]
+            if number >= 0:  # not of the warm-up
+                drawn = info["TimeLimit.truncated"]
+                self.members[number].record(0.5 if drawn else float(info["is_success"]), float(drawn))
+        self.training_env.env_method("set_opponents", self.draw(len(rows)), rows)
+        return True
+
+    def take_in(self, name: str, policy: MlpPolicy) -> None:
+        """Make a copy of the agent a member; it replaces the weakest past self if there are as many as allowed."""
+        if len(self.past) < self.most_past_selves:
+            number = len(self.members)
+            self.members.append(Member(name))
+            self.training_env.env_method("add_opponent", policy)
+        else:
+            number = max(self.past, key=lambda k: self.members[k].won)
+            self.members[number] = Member(name)
+            self.training_env.env_method("set_opponent", self.first + number, policy)
+        self.past[number] = policy
+
+    def whom(self) -> str:
+        names = ", ".join(member.name for member in self.members if member.name in SCRIPTED)
+        return f"past selves, {names}"
+
+    def save(self, folder: Path) -> None:
+        """Write the members, their records and the past selves' policies."""
+        (folder / "league").mkdir(exist_ok=True)
+        files = {number: f"{self.members[number].name.split()[-1]}.npz" for number in self.past}
+        for number, policy in self.past.items():
+            policy.save(folder / "league" / files[number])
+        members = [{**asdict(member), "file": files.get(k)} for k, member in enumerate(self.members)]
+        write_json(folder / "league.json", {"due": self.due, "members": members})
+        for file in (folder / "league").glob("*.npz"):  # last: of members who left
+            if file.name not in files.values():
+                file.unlink()
+
+    def load(self, folder: Path) -> None:
+        """Take up what `save` wrote, before training begins.
+
+        Raises:
+            FileNotFoundError, ValueError: files are missing or damaged.
+        """
+        kept: dict[str, Any] = read_json(folder / "league.json")
+        try:
+            files = [entry.pop("file") for entry in kept["members"]]
+            self.members = [Member(**entry) for entry in kept["members"]]
+            self.due = kept["due"]
+        except (TypeError, KeyError, AttributeError) as error:
+            raise ValueError(f"{folder / 'league.json'} does not hold a league: {error}") from error
+        self.past = {k: MlpPolicy.load(folder / "league" / file) for k, file in enumerate(files) if file}
+        selves: list[Opponent] = [self.past[k] for k in sorted(self.past)]
+        self.opponents = (*self.opponents, *selves)

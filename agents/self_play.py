@@ -1,0 +1,46 @@
+"""Self-play: PPO in a league of its own past selves and the scripted opponents."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from agents.checks import check_ranges
+from agents.league import League
+from agents.ppo import TrainArgs
+
+
+@dataclass(frozen=True)
+class SelfPlayArgs(TrainArgs):
+    """Train an agent with PPO by self-play. Everything goes into one folder, runs/NAME/."""
+
+    steps: int | None = None
+    """Environment steps in all. Default: 60 million, or with --resume what the run was to have."""
+    opponents: tuple[str, ...] = ("striker", "goalie", "idle")
+    """Scripted opponents in the league."""
+    net_width: int = 128
+    """Units in each of the two hidden layers, of policy and value network alike."""
+    latest_share: float = 0.3
+    """Of episodes against the agent as it is now; the others are against the league, more often against who is hard."""
+    snapshot_every: int = 2_000_000
+    """Steps between the copies of the agent that join the league."""
+    most_past_selves: int = 12
+    """Copies in the league; the weakest leaves when there are more."""
+
+    default_steps = 60_000_000
+    command = "train_self_play"
+
+    def check(self) -> None:
+        super().check()
+        check_ranges(self, latest_share=(0, 1), snapshot_every=(1, math.inf), most_past_selves=(1, 1000))
+
+    def course(self) -> League:
+        return League(
+            self.warmup_opponents,
+            self.warmup_steps,
+            self.opponents,
+            latest_share=self.latest_share,
+            snapshot_every=self.snapshot_every,
+            most_past_selves=self.most_past_selves,
+            seed=self.seed,
+        )

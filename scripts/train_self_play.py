@@ -1,0 +1,16 @@
+"""Train an agent by self-play: python -m scripts.train_self_play"""
+
+from __future__ import annotations
+
+from agents.ppo import train
+from agents.self_play import SelfPlayArgs
+from scripts._command import run_command
+
+
+def main() -> None:
+    """Read the command line and train."""
+    run_command("train_self_play", SelfPlayArgs, train)
+
+
+if __name__ == "__main__":
+    main()
