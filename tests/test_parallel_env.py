@@ -176,7 +176,12 @@ PARITY = [
     {"continuous": False},
     {"task": "match", "table": "ideal", "reward": "shaped", "control_hz": 24},
     {"table": "challenge", "continuous": False, "control_hz": 120.5},
-    {"obs_type": "rgb"},
+    *(
+        {"task": task, "obs_type": obs_type, "continuous": continuous, "randomize": {"width": (1.0, 1.2)}}
+        for task in TASKS
+        for obs_type in OBS_TYPES
+        for continuous in (True, False)
+    ),
 ]
 
 
