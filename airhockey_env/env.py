@@ -289,7 +289,7 @@ class AirHockeyEnv(gym.Env):
 
 def check_render_mode(render_mode: str | None, allowed: tuple[str, ...]) -> str | None:
     """`render_mode`, or a ValueError that says what is allowed."""
-    if render_mode is not None and render_mode not in allowed:
+    if render_mode is not None and not (isinstance(render_mode, str) and render_mode in allowed):
         raise ValueError(f"render_mode must be None or one of {allowed}, got {render_mode!r}")
     return render_mode
 

@@ -69,6 +69,9 @@ RANDOMIZED_TABLE = np.dtype([("table", TABLE), ("physics", PHYSICS)])
 """The state of a table whose physics is drawn anew for every episode."""
 
 
+_FLOATS = tuple(name for name in TABLE.names or () if TABLE[name].base.kind == "f")
+
+
 class Outputs(NamedTuple):
     """What the compiled step writes; allocated once."""
 
@@ -144,7 +147,7 @@ class Game:
         self._left = _scripted("player", player)
         self._pool = _pool(opponent)
         self._two_players = opponent is None
-        if reward not in REWARDS:
+        if not isinstance(reward, str) or reward not in REWARDS:
             raise ValueError(f"reward must be one of {REWARDS}, got {reward!r}")
         if not isinstance(obs_type, str) or obs_type not in OBS_TYPES:
             raise ValueError(f"obs_type must be one of {OBS_TYPES}, got {obs_type!r}")
@@ -159,13 +162,13 @@ class Game:
         self.num_threads = (os.cpu_count() or 1) if num_threads is None else _whole("num_threads", num_threads, 1)
         self._threads: ThreadPoolExecutor | None = None
 
-        self.randomized = () if randomize is None else tuple(randomize)
         self.ranges = check_ranges(self.spec, {} if randomize is None else randomize)
+        self.randomized = () if randomize is None else tuple(randomize)
         self.physics = physics_record(self.spec, self.control_hz)
         if self.randomized:
             self.physics = np.repeat(self.physics, self.num_tables)
         self.settings = records(1, SETTINGS)
-        if task not in TASKS:
+        if not isinstance(task, str) or task not in TASKS:
             raise ValueError(f"task must be one of {sorted(TASKS)}, got {task!r}")
         self.settings["task"] = TASKS[task].number
         self.settings["points"] = TASKS[task].points if points is None else _whole("points", points, 1)
@@ -364,15 +367,20 @@ class Game:
         self._share(n, PICTURES_PER_THREAD, self.pixels.draw, observations, physics, background, frames)
         return frames if frames.shape[-1] > 1 else frames[..., 0]
 
-    def get_state(self, rows: NDArray[np.int64] | slice = slice(None)) -> NDArray[np.void]:
-        """A copy of everything that decides what happens next on the given tables."""
+    def get_state(self, indices: ArrayLike | None = None) -> NDArray[np.void]:
+        """A copy of everything that decides what happens next on the given tables; None for all.
+
+        Raises:
+            ValueError: there are no such tables.
+        """
+        rows = self._check_rows(indices, "indices", repeated=True)
         if not self.randomized:
             return np.array(self.tables[rows])
-        state = np.zeros(self._all_rows[rows].shape, RANDOMIZED_TABLE)
+        state = np.zeros(len(rows), RANDOMIZED_TABLE)
         state["table"], state["physics"] = self.tables[rows], self.physics[rows]
         return state
 
-    def set_state(self, state: NDArray[np.void], rows: NDArray[np.int64] | slice = slice(None)) -> None:
+    def set_state(self, state: NDArray[np.void], indices: ArrayLike | None = None) -> None:
         """Put copied states back (or onto other tables): what follows is the same to the bit.
 
         A state keeps the opponent's place in the pool, not the opponent: its table is assigned that place again, and
@@ -380,9 +388,10 @@ class Game:
         that was saved before `set_opponent` is played by the new one; and one of another game by this game's.
 
         Raises:
-            ValueError: not a state of as many tables, or of a larger pool of opponents. Nothing has changed then.
+            ValueError: there are no such tables; not a state of as many tables, or none that they could be in, or of a
+                larger pool of opponents. Nothing has changed then.
         """
-        chosen = np.ascontiguousarray(self._all_rows[rows])
+        chosen = self._check_rows(indices, "indices")
         dtype = RANDOMIZED_TABLE if self.randomized else TABLE
         if not isinstance(state, np.ndarray) or state.dtype != dtype or state.shape != chosen.shape:
             raise ValueError(
@@ -390,6 +399,7 @@ class Game:
                 f"{getattr(state, 'dtype', type(state))!r} of shape {getattr(state, 'shape', None)}"
             )
         table = state["table"] if self.randomized else state
+        self._check_playable(table, state["physics"] if self.randomized else self.physics)
         places = table["opponent"]
         if ((places < 0) | (places >= len(self._pool))).any():
             raise ValueError(
@@ -498,23 +508,36 @@ class Game:
         if self._two_players:
             raise ValueError("the caller plays the right paddle (opponent=None): there is no pool of opponents")
 
-    def _check_rows(self, tables: ArrayLike | None) -> NDArray[np.int64]:
-        """Numbers of tables."""
+    def _check_playable(self, table: NDArray[np.void], physics: NDArray[np.void]) -> None:
+        """Raises ValueError unless tables could be in these states, under these physics, in this game."""
+        for name in _FLOATS:
+            if not np.isfinite(table[name]).all():
+                raise ValueError(f"state must hold finite numbers, got another in {name!r}")
+        half = np.stack([physics["half_length"], physics["half_width"]], axis=-1)
+        if not (np.abs(table["position"]) <= half[:, np.newaxis]).all():
+            raise ValueError("state must have all discs on the table, got a 'position' off it")
+        if self.randomized and (physics["tick"] != self.physics["tick"][0]).any():
+            raise ValueError(f"state must be of a game at control_hz {self.control_hz}, as this one; got another's")
+
+    def _check_rows(self, tables: ArrayLike | None, name: str = "tables", repeated: bool = False) -> NDArray[np.int64]:
+        """Numbers of tables; errors call them `name`."""
         if tables is None:
             return self._all_rows
         n = self.num_tables
         try:
             given = np.atleast_1d(np.asarray(tables))
         except ValueError as error:
-            raise ValueError(f"tables must be numbers of tables or a mask, got {tables!r}") from error
+            raise ValueError(f"{name} must be numbers of tables or a mask, got {tables!r}") from error
         if given.dtype == np.bool_ and given.shape == (n,):
             return np.flatnonzero(given)
         if not given.size:
             given = given.astype(np.int64)
         whole = given.ndim == 1 and given.dtype.kind in "iu"
-        if not whole or ((given < 0) | (given >= n)).any() or len(np.unique(given)) != len(given):
+        valid = whole and not ((given < 0) | (given >= n)).any()
+        if not valid or not (repeated or len(np.unique(given)) == len(given)):
+            once = "" if repeated else ", each once"
             raise ValueError(
-                f"tables must be whole numbers from 0 to {n - 1}, each once, or a mask of {n} bools; got {tables!r}"
+                f"{name} must be whole numbers from 0 to {n - 1}{once}, or a mask of {n} bools; got {tables!r}"
             )
         return given.astype(np.int64)
 
@@ -634,9 +657,12 @@ def _read_only(array: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def _skill(skill: ArrayLike, num_tables: int) -> NDArray[np.float64] | float:
     """A skill for all tables, or one for each."""
-    if np.ndim(skill) == 0:
+    try:
+        skills = np.asarray(skill)
+    except ValueError:  # lists of different lengths
+        skills = np.array([None])
+    if skills.ndim == 0:
         return _between("opponent_skill", skill, 0.0, 1.0)
-    skills = np.asarray(skill)
     if skills.shape != (num_tables,) or skills.dtype.kind not in "fiu" or not ((skills >= 0) & (skills <= 1)).all():
         raise ValueError(f"opponent_skill must be from 0 to 1, one number or one for each table, got {skill!r}")
     return skills.astype(np.float64)

@@ -106,18 +106,21 @@ class MlpPolicy:
         activation: `"tanh"` or `"relu"`, between the layers.
 
     Raises:
-        ValueError: the layers do not fit together.
+        ValueError: the layers do not fit together, or hold what is no finite number.
     """
 
     def __init__(
         self, weights: Sequence[NDArray[np.float32]], biases: Sequence[NDArray[np.float32]], activation: str = "tanh"
     ) -> None:
-        if activation not in ACTIVATIONS:
+        if not isinstance(activation, str) or activation not in ACTIVATIONS:
             raise ValueError(f"activation must be one of {ACTIVATIONS}, got {activation!r}")
-        if not weights or len(weights) != len(biases):
-            raise ValueError(f"weights and biases must be as many, and some; got {len(weights)} and {len(biases)}")
+        self.weights, self.biases = _layers("weights", weights), _layers("biases", biases)
+        if len(self.weights) != len(self.biases):
+            raise ValueError(
+                f"weights and biases must be as many, got {len(self.weights)} and {len(self.biases)} layers"
+            )
         size = OBSERVATION_SIZE
-        for k, (weight, bias) in enumerate(zip(weights, biases, strict=True)):
+        for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             if weight.ndim != 2 or weight.shape[1] != size or bias.shape != weight.shape[:1]:
                 raise ValueError(
                     f"layer {k} must have weights (n, {size}) and biases (n,), got {weight.shape} and {bias.shape}"
@@ -125,9 +128,6 @@ class MlpPolicy:
             size = weight.shape[0]
         if size not in (2, len(DIRECTIONS)):
             raise ValueError(f"the last layer must have 2 or {len(DIRECTIONS)} outputs, got {size}")
-        # Copies: weights that come from a model under training go on changing.
-        self.weights = [np.array(weight, np.float32, order="C") for weight in weights]
-        self.biases = [np.array(bias, np.float32) for bias in biases]
         self.activation = activation
         self._sizes = np.array([OBSERVATION_SIZE, *(len(bias) for bias in self.biases)])
         layers = zip(self.weights, self.biases, strict=True)
@@ -157,7 +157,7 @@ class MlpPolicy:
             ValueError: the file does not hold a policy.
         """
         try:
-            with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
+            with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
                 layers = range(sum(name.startswith("weight_") for name in file.files))
                 weights = [file[f"weight_{k}"] for k in layers]
                 biases = [file[f"bias_{k}"] for k in layers]
@@ -166,3 +166,16 @@ class MlpPolicy:
             raise
         except Exception as error:  # whatever a damaged file makes of it
             raise ValueError(f"{path} does not hold a policy: {error}") from error
+
+
+def _layers(name: str, arrays: Any) -> list[NDArray[np.float32]]:
+    """Copies: weights that come from a model under training go on changing."""
+    try:
+        layers = [np.array(array, np.float32, order="C") for array in arrays]
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"{name} must be one array of numbers a layer, got {type(arrays).__name__}: {error}"
+        ) from error
+    if not layers or not all(np.isfinite(layer).all() for layer in layers):
+        raise ValueError(f"{name} must be one array of finite numbers a layer, and some; got {len(layers)} layers")
+    return layers

@@ -38,6 +38,7 @@ import json
 import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 from typing import Any, SupportsFloat
 
@@ -113,7 +114,7 @@ class Replay:
             ValueError: the file does not hold a replay; the message names it.
         """
         try:
-            with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
+            with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
                 notes = json.loads(str(file["replay"]))
                 if notes["format"] != FORMAT:
                     raise ValueError(f"it is of format {notes['format']!r}, and this version reads format {FORMAT}")
@@ -157,7 +158,7 @@ _ARRAYS = ("starts", "states", "ends", "actions", "others")
 def is_replay(path: str | Path) -> bool:
     """Whether a file looks like a replay (and not like a policy, say)."""
     try:
-        with zipfile.ZipFile(path) as file:
+        with zipfile.ZipFile(Path(path)) as file:
             return "replay.npy" in file.namelist()
     except (OSError, zipfile.BadZipFile):
         return False
@@ -194,7 +195,7 @@ def play_back_frames(
     """
     prepared, game = _prepared(replay)
     rate = prepared.control_hz
-    if fps is not None and not 0.0 < fps <= rate:
+    if fps is not None and not (isinstance(fps, Real) and 0.0 < fps <= rate):
         raise ValueError(f"fps must be greater than 0 and at most the replay's {rate:g} Hz, got {fps!r}")
     renderer = make_renderer(game.spec, size)
 

@@ -138,8 +138,8 @@ class AirHockeySB3VecEnv(OpponentPool, VecEnv):
         if self._targets is None:
             raise RuntimeError("call step_async before step_wait")
         out = self._game.out
-        self._game.step(self._targets)
-        self._targets = None
+        targets, self._targets = self._targets, None
+        self._game.step(targets)
         dones = out.terminated | out.truncated
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         rows = np.flatnonzero(dones)

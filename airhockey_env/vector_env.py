@@ -182,16 +182,27 @@ class AirHockeyVectorEnv(OpponentPool, VectorEnv):
         return tuple(draw_row(self._renderer, self._game, i) for i in range(self.num_envs))
 
     def get_state(self, indices: ArrayLike | None = None) -> NDArray[np.void]:
-        """Copies of everything that decides what happens next, for all tables or for some: (n,) records."""
-        return self._game.get_state(slice(None) if indices is None else np.atleast_1d(indices))
+        """Copies of everything that decides what happens next, for all tables or for some: (n,) records.
+
+        Args:
+            indices: (n,) numbers of tables, or a mask (num_envs,) of bool; None for all.
+
+        Raises:
+            ValueError: there are no such tables.
+        """
+        return self._game.get_state(indices)
 
     def set_state(self, state: NDArray[np.void], indices: ArrayLike | None = None) -> None:
         """Let all tables, or some, go on from states that `get_state` returned; the same to the bit.
 
+        Args:
+            state: (n,) records.
+            indices: (n,) numbers of tables, each once, or a mask (num_envs,) of bool; None for all.
+
         Raises:
-            ValueError: not states of as many tables. Nothing has changed then.
+            ValueError: there are no such tables, or not states of as many. Nothing has changed then.
         """
-        self._game.set_state(state, slice(None) if indices is None else np.atleast_1d(indices))
+        self._game.set_state(state, indices)
         self._seeded = True
 
     def _infos(self, mask: NDArray[np.bool_] | None) -> dict[str, Any]:
@@ -247,7 +258,7 @@ class AirHockeyVectorEnv(OpponentPool, VectorEnv):
     def _check_seeds(self, seed: Any) -> list[int | None]:
         if seed is None:
             return [None] * self.num_envs
-        if np.ndim(seed) == 0:
+        if not isinstance(seed, (list, tuple)) and np.ndim(seed) == 0:
             first = check_seed(seed)
             return [first + i for i in range(self.num_envs)]
         if len(seed) != self.num_envs:

@@ -1,6 +1,7 @@
 """Hostile play: two paddles that do to the puck what no fair player would, with the laws checked after every step.
 
-`python -m tests.hostile --steps 1e8 --seed 0` looks for trouble for as long as you like.
+`python -m tests.hostile --steps 1e8 --seed 0` looks for trouble for as long as you like; `--tables randomized` does so
+on tables that the game draws anew for every episode.
 """
 
 from __future__ import annotations
@@ -9,7 +10,8 @@ import argparse
 import dataclasses
 import math
 import time
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -17,8 +19,9 @@ import numpy as np
 from airhockey_env.compiled import records
 from airhockey_env.engine.records import CONTACT
 from airhockey_env.game import Game
-from airhockey_env.kernel import step_table
+from airhockey_env.kernel import begin, step_table
 from airhockey_env.observations import observe, view
+from airhockey_env.physics import FIELDS, check_ranges, spec_of
 from airhockey_env.random_stream import draw, draw_between
 from airhockey_env.records import CONTACT_ROWS, LEFT, OBSERVATION_SIZE, PUCK, RIGHT, TABLE
 from airhockey_env.tables import CHALLENGE, FULL_SIZE, IDEAL, TableSpec
@@ -44,11 +47,16 @@ SPECS: dict[str, TableSpec] = {
 
 RANDOM = "random"
 """Every seed and rate plays on a table of its own."""
+RANDOMIZED = "randomized"
+"""Every seed and rate has ranges of its own, from which `randomize` draws a table for every episode."""
+TABLES = (*SPECS, RANDOM, RANDOMIZED)
+
+EPISODE = 200
+"""Steps after which a randomized episode ends at the latest; 3 points end it too."""
 
 
-def random_spec(seed: int, control_hz: float) -> TableSpec:
+def random_spec(rng: np.random.Generator) -> TableSpec:
     """Any table, within a factor of two to three of real ones."""
-    rng = np.random.default_rng((seed, int(control_hz)))
     while True:
         length, width, goal = rng.uniform((1.0, 0.5, 0.1), (3.0, 1.5, 0.6))
         puck, paddle, mass = rng.uniform((0.02, 0.03, 0.005), (0.07, 0.09, 0.1))
@@ -61,6 +69,28 @@ def random_spec(seed: int, control_hz: float) -> TableSpec:
             )
         except ValueError:  # they do not fit together
             continue
+
+
+def random_ranges(spec: TableSpec, rng: np.random.Generator) -> dict[str, tuple[float, float]]:
+    """For every field, a range from that of `spec` to that of another table, wherever all that lies between will do."""
+    while True:
+        other = random_spec(rng)
+        pairs = {name: (getattr(spec, name), getattr(other, name)) for name in FIELDS}
+        ranges = {name: (min(pair), max(pair)) for name, pair in pairs.items()}
+        try:
+            check_ranges(spec, ranges)
+        except ValueError:  # some draws would not fit together
+            continue
+        return ranges
+
+
+def table_of(name: str, seed: int, control_hz: float) -> dict[str, Any]:
+    """The arguments of `Game` for a name of `TABLES`."""
+    if name in SPECS:
+        return {"table": SPECS[name]}
+    rng = np.random.default_rng((seed, int(control_hz)))
+    spec = random_spec(rng)
+    return {"table": spec} if name == RANDOM else {"table": spec, "randomize": random_ranges(spec, rng)}
 
 
 CHASE, AHEAD, PIN, JITTER, SHAKE, WANDER, MODES = range(7)
@@ -76,8 +106,11 @@ FAILURES = (
     "an observation is out of [-1, 1]",
     "a contact is not sane",
     "the puck gained speed without a paddle",
+    "a drawn table is out of its ranges",
 )
-(FINE, FINITE, PADDLE, EDGE, CONFINED, PUCK_SPEED, PADDLE_SPEED, OBSERVED, CONTACTS, ENERGY) = range(len(FAILURES))
+(FINE, FINITE, PADDLE, EDGE, CONFINED, PUCK_SPEED, PADDLE_SPEED, OBSERVED, CONTACTS, ENERGY, RANGES) = range(
+    len(FAILURES)
+)
 
 compiled_here = numba.njit(nogil=True, error_model="numpy")  # not cached: the package's cache knows the package only
 
@@ -92,6 +125,7 @@ class Report(NamedTuple):
     crowded: int  # steps with as many contacts as are kept, or more
     pinned: int  # steps that ended with the puck touching a paddle and an edge
     points: int
+    drawn: int  # tables that `randomize` drew
     failure: str  # "" if there was none
 
 
@@ -265,18 +299,42 @@ def _check(table, physics, contacts, served, speed_before, seen, tally):
 
 
 @compiled_here
-def _play(tables, physics, settings, modes, whims, steps, before, tally):
+def _in_ranges(physics, ranges):
+    """Whether a table's fields are what `randomize` may draw."""
+    outside = 0
+    for k in range(ranges.shape[0]):
+        outside += not ranges[k, 0] <= physics.spec[k] <= ranges[k, 1]
+    return outside == 0
+
+
+@compiled_here
+def _end(table, tally):
+    """Keep the score of an episode."""
+    tally[5] += table.score[0] + table.score[1]
+    table.score[0] = 0
+    table.score[1] = 0
+
+
+@compiled_here
+def _play(tables, physics, settings, ranges, modes, whims, steps, before, tally):
     """Play hostile steps on every table; stops at the first failure with the table as it was before in `before[0]`.
 
-    Returns the number of the failure.
+    Returns the number of the failure and of the table.
     """
     contacts = np.zeros(CONTACT_ROWS, CONTACT)
     seen = np.zeros((1, OBSERVATION_SIZE), np.float32)
     actions = np.zeros((2, 2))
-    law = physics[0]
+    rules = settings[0]
     for i in range(tables.shape[0]):
         table = tables[i]
-        for _ in range(steps):
+        law = physics[i if rules.randomized else 0]
+        for step in range(steps):
+            if rules.randomized and (step == 0 or table.done):
+                _end(table, tally)
+                begin(table, law, rules, ranges, 0)
+                tally[6] += 1
+                if not _in_ranges(law, ranges):
+                    return RANGES, i
             for player in (LEFT, RIGHT):
                 if draw(table) < 0.03:
                     modes[i, player] = int(MODES * draw(table))
@@ -288,43 +346,49 @@ def _play(tables, physics, settings, modes, whims, steps, before, tally):
             before[0] = table
             speed = math.sqrt(table.velocity[PUCK, 0] ** 2 + table.velocity[PUCK, 1] ** 2)
             score, clock = table.score[0] + table.score[1], table.clock
-            step_table(table, law, settings[0], actions[0, 0], actions[0, 1], actions[1, 0], actions[1, 1], contacts)
-            table.done = False
+            step_table(table, law, rules, actions[0, 0], actions[0, 1], actions[1, 0], actions[1, 1], contacts)
             served = table.score[0] + table.score[1] != score or (clock == law.clock_limit and table.clock == 0)
             failure = _check(table, law, contacts, served, speed, seen, tally)
             if failure != FINE:
-                return failure
-    for i in range(tables.shape[0]):
-        tally[5] += tables[i].score[0] + tables[i].score[1]
-        tables[i].score[0] = 0
-        tables[i].score[1] = 0
-    return FINE
+                return failure, i
+        _end(table, tally)
+    return FINE, 0
 
 
-def play_hostile(spec: TableSpec, control_hz: float, steps: int, seed: int, tables: int = 16) -> Report:
-    """At least `steps` hostile steps on a table at a control rate, spread over `tables` games."""
-    game = Game(tables, table=spec, control_hz=control_hz, opponent="idle", points=2**30)
+def play_hostile(name: str, control_hz: float, steps: int, seed: int, tables: int = 16) -> Report:
+    """At least `steps` hostile steps on a table of `TABLES` at a control rate, spread over `tables` games."""
+    arguments = table_of(name, seed, control_hz)
+    if name == RANDOMIZED:
+        arguments |= {"points": 3, "max_episode_steps": EPISODE}
+    else:
+        arguments |= {"points": 2**30}  # one episode
+    game = Game(tables, control_hz=control_hz, opponent="idle", **arguments)
     game.seed([seed * tables + i for i in range(tables)])
     game.reset()
     each = -(-steps // tables)
     before = records(1, TABLE)
-    tally = np.zeros(6)
+    tally = np.zeros(7)
     tally[0] = -math.inf
     modes, whims = np.zeros((tables, 2), np.int64), np.zeros((tables, 2))
-    number = _play(game.tables, game.physics, game.settings, modes, whims, each, before, tally)
-    failure = "" if number == FINE else f"{FAILURES[number]}; before the step: {before[0]}"
+    number, i = _play(game.tables, game.physics, game.settings, game.ranges, modes, whims, each, before, tally)
+    failure = ""
+    if number != FINE:
+        law = game.physics[i if game.randomized else 0]
+        failure = f"{FAILURES[number]}; before the step: {before[0]}, on {law}"
+    else:
+        for law in game.physics:
+            spec_of(law)  # raises an error if it is no table
     return Report(each * tables, tally[0], *(int(count) for count in tally[1:]), failure)
 
 
-def hunt(steps: int, seed: int, chunk: int = 200_000):
-    """Hostile play on every table of `SPECS` at every rate of `RATES`, in turn; yields (name, rate, seed, Report)."""
-    places = [(name, rate) for name in (*SPECS, RANDOM) for rate in RATES]
+def hunt(steps: int, seed: int, names: Sequence[str] = TABLES, chunk: int = 200_000):
+    """Hostile play on every table named, at every rate of `RATES`, in turn; yields (name, rate, seed, Report)."""
+    places = [(name, rate) for name in names for rate in RATES]
     chunk = min(chunk, -(-steps // len(places)))
     played = 0
     while played < steps:
         for name, rate in places:
-            spec = SPECS[name] if name in SPECS else random_spec(seed, rate)
-            report = play_hostile(spec, rate, chunk, seed)
+            report = play_hostile(name, rate, chunk, seed)
             played += report.steps
             yield name, rate, seed, report
             if played >= steps:
@@ -336,15 +400,17 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.hostile", description=__doc__.splitlines()[0])
     parser.add_argument("--steps", type=float, default=1e7, help="steps to play in all")
     parser.add_argument("--seed", type=int, default=0, help="first seed; each round of all tables takes the next")
+    parser.add_argument("--tables", nargs="+", choices=TABLES, default=TABLES, metavar="NAME",
+                        help=f"tables to play on: {', '.join(TABLES)} (all by default)")  # fmt: skip
     arguments = parser.parse_args()
     if not arguments.steps >= 1 or arguments.seed < 0:
         parser.error("--steps must be at least 1 and --seed at least 0")
     totals: dict[str, Report] = {}
     seeds: set[int] = set()
-    play_hostile(FULL_SIZE, 50.0, 1, 0)  # compile before the clock runs
+    play_hostile("full_size", 50.0, 1, 0)  # compile before the clock runs
     start = time.perf_counter()
     failures = 0
-    for name, rate, seed, report in hunt(int(arguments.steps), arguments.seed):
+    for name, rate, seed, report in hunt(int(arguments.steps), arguments.seed, arguments.tables):
         seeds.add(seed)
         if report.failure:
             failures += 1
@@ -356,10 +422,10 @@ def main() -> int:
         totals[name] = report
     elapsed = time.perf_counter() - start
     print(f"{'table':10s} {'steps':>12s} {'worst overlap':>14s} {'paddle':>11s} {'edge':>11s} {'crowded':>9s} "
-          f"{'pinned':>9s} {'points':>8s}")  # fmt: skip
+          f"{'pinned':>9s} {'points':>8s} {'drawn':>8s}")  # fmt: skip
     for name, r in totals.items():
         print(f"{name:10s} {r.steps:12d} {r.worst:12.3g} m {r.paddle_contacts:11d} {r.edge_contacts:11d} "
-              f"{r.crowded:9d} {r.pinned:9d} {r.points:8d}")  # fmt: skip
+              f"{r.crowded:9d} {r.pinned:9d} {r.points:8d} {r.drawn:8d}")  # fmt: skip
     steps = sum(r.steps for r in totals.values())
     worst = max(r.worst for r in totals.values())
     print(f"{steps} steps, seeds {min(seeds)} to {max(seeds)}, {steps / elapsed:.3g} steps/s, "

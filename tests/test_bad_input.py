@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+import re
 
 import gymnasium as gym
 import numpy as np
@@ -10,8 +12,11 @@ import pytest
 from gymnasium.error import ResetNeeded
 
 from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv
+from airhockey_env.policy import MlpPolicy
+from airhockey_env.replay import RecordReplay, Replay, play_back, play_back_frames
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
-from tests.faces import pursue, random_actions, same
+from airhockey_env.sensing import Camera
+from tests.faces import pursue, random_actions, same, shown
 
 NAN, INF = math.nan, math.inf
 
@@ -43,21 +48,23 @@ def begin(env):
 
 def snapshot(env):
     """All that decides what follows, for every face."""
-    generator = None if isinstance(env, AirHockeySB3VecEnv) else str(env.np_random.bit_generator.state)
-    return env._game.get_state().tobytes(), generator, env._game.out.observation.tobytes()
+    other = env._targets if isinstance(env, AirHockeySB3VecEnv) else str(env.np_random.bit_generator.state)
+    return env._game.get_state().tobytes(), other, env._game.out.observation.tobytes()
 
 
 # Arguments
 
 ARGUMENTS = [
     *(("opponent", value) for value in ("Striker", "", None, 3, ["idel"], [])),
-    *(("opponent_skill", value) for value in (-0.01, 1.01, NAN, INF, "1", None, True)),
+    *(("opponent_skill", value) for value in (-0.01, 1.01, NAN, INF, "1", None, True, [0.5, [0.5]])),
+    *(("task", value) for value in ("Point", None, 1, [], {}, np.zeros(2))),
     *(("table", value) for value in ("Full_size", None, 2, {})),
     *(("continuous", value) for value in (1, 0, "yes", None)),
-    *(("reward", value) for value in ("Sparse", None, 1, [])),
+    *(("reward", value) for value in ("Sparse", None, 1, [], np.zeros(2))),
+    *(("randomize", value) for value in (1, NAN, True, "length", ["length"], {"length"}, np.zeros(2))),
     *(("control_hz", value) for value in (9.99, 240.01, 0, -50, NAN, INF, "50", None, True)),
     *(("max_episode_steps", value) for value in (0, 1.5, "9", NAN, True, 2**31)),
-    *(("render_mode", value) for value in ("rgb", "ansi", 1)),
+    *(("render_mode", value) for value in ("rgb", "ansi", 1, [], np.zeros(2))),
     *(("render_size", value) for value in ((64,), (64, 0), (64.5, 48), "big", 64)),
 ]
 
@@ -205,7 +212,9 @@ def test_seeds(make, seed):
     assert snapshot(env) == before
 
 
-@pytest.mark.parametrize("seeds", [[1], [1, 2, 3], [1, -1], [1.0, 2.0], [None, "2"], [True, False], "12"], ids=repr)
+@pytest.mark.parametrize(
+    "seeds", [[1], [1, 2, 3], [1, -1], [1.0, 2.0], [None, "2"], [True, False], "12", [1, [2]], [1, []]], ids=repr
+)
 def test_seeds_of_a_batch(seeds):
     envs = begin(AirHockeyVectorEnv(2))
     before = snapshot(envs)
@@ -295,8 +304,93 @@ def test_states():
         assert snapshot(one) == before
     with pytest.raises(ValueError, match=r"^state must be what get_state returned for 1 tables, got "):
         envs.set_state(good, [0])
-    with pytest.raises(IndexError):
-        envs.set_state(good[:1], [2])
+
+
+INDICES = [[2], [-1], [0.0], [True], [NAN], "position", ["position"], [[0]], [0, [1]], {}, [None], 2**70]
+
+
+@pytest.mark.parametrize("randomize", [None, {"width": (1.0, 1.2)}], ids=["fixed", "randomized"])
+@pytest.mark.parametrize("indices", INDICES, ids=repr)
+def test_indices_of_states(indices, randomize):
+    envs = begin(AirHockeyVectorEnv(2, randomize=randomize))
+    before, state = snapshot(envs), envs.get_state()
+    for refused in (lambda: envs.get_state(indices), lambda: envs.set_state(state[:1], indices)):
+        with pytest.raises(ValueError, match=r"^indices must be "):
+            refused()
+    with pytest.raises(ValueError, match=r"^indices must be whole numbers from 0 to 1, each once, "):
+        envs.set_state(state, [0, 0])
+    assert snapshot(envs) == before
+
+
+@pytest.mark.parametrize("randomize", [None, {"width": (1.0, 1.2)}], ids=["fixed", "randomized"])
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        *((name, value, f"state must hold finite numbers, got another in '{name}'")
+          for name in ("position", "velocity", "skill", "plan", "wander", "potential") for value in (NAN, INF)),
+        ("position", 1.5, "state must have all discs on the table"),
+        ("position", -1e300, "state must have all discs on the table"),
+    ],
+)  # fmt: skip
+def test_states_that_no_table_could_be_in(name, value, message, randomize):
+    """Regression: they were taken, and played on."""
+    env = begin(AirHockeyEnv(randomize=randomize))
+    before, state = snapshot(env), env.get_state()
+    (state["table"] if randomize else state)[name][..., -1] = value
+    with pytest.raises(ValueError, match=f"^{message}"):
+        env.set_state(state)
+    assert snapshot(env) == before
+
+
+def test_states_of_another_rate():
+    """Regression: on randomized tables they brought their rate along."""
+    ours, theirs = (begin(AirHockeyEnv(randomize={"width": (1.0, 1.2)}, control_hz=rate)) for rate in (50, 100))
+    before = snapshot(ours)
+    with pytest.raises(ValueError, match=r"^state must be of a game at control_hz 50.0"):
+        ours.set_state(theirs.get_state())
+    assert snapshot(ours) == before
+
+
+# Cameras, policies and replays
+
+
+@pytest.mark.parametrize("field", [field.name for field in dataclasses.fields(Camera)])
+@pytest.mark.parametrize("value", ["1", [], {}, NAN, INF, -1, True, 1j, 10**400, -(10**400)], ids=shown)
+def test_fields_of_a_camera(field, value):
+    with pytest.raises(ValueError, match=rf"^{field} must be .*, got "):
+        Camera(**{field: value})
+
+
+@pytest.mark.parametrize(
+    "value", [None, "ab", 3, [], [None], ["ab"], [{}], [[[1.0], [1.0, 2.0]]], [np.full((2, 13), NAN)]]
+)
+def test_layers_of_a_policy(value):
+    good = {"weights": [np.zeros((2, 13))], "biases": [np.zeros(2)]}
+    for name in good:
+        with pytest.raises(ValueError, match=rf"^{name} must be "):
+            MlpPolicy(**{**good, name: value})
+    with pytest.raises(ValueError, match=r"^activation must be one of "):
+        MlpPolicy(**good, activation=value)
+
+
+@pytest.mark.parametrize("path", [None, 3.5, -1, 10**6, [], {}], ids=repr)
+def test_paths(path):
+    """Regression: a number was taken for that of an open file."""
+    with pytest.raises(ValueError, match=re.escape(f"{path} does not hold a policy")):
+        MlpPolicy.load(path)
+    for read in (Replay.load, play_back):
+        with pytest.raises(ValueError, match=re.escape(f"{path} does not hold a replay")):
+            read(path)
+
+
+@pytest.mark.parametrize("fps", ["30", [], {}, 1j, NAN, 0, -1, 51, np.zeros(2)], ids=repr)
+def test_pictures_a_second_of_a_replay(fps, tmp_path):
+    env = RecordReplay(AirHockeyEnv(), tmp_path / "game.npz")
+    env.reset(seed=0)
+    env.step(np.zeros(2))
+    env.close()
+    with pytest.raises(ValueError, match=r"^fps must be greater than 0 and at most the replay's 50 Hz, got "):
+        play_back_frames(tmp_path / "game.npz", fps=fps)
 
 
 # Opponents from outside

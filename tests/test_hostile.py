@@ -9,6 +9,7 @@ import pytest
 
 from airhockey_env.engine.records import CONTACT
 from airhockey_env.game import Game
+from airhockey_env.physics import FIELDS, check_ranges
 from airhockey_env.records import CONTACT_ROWS, LEFT, PUCK, RIGHT
 from airhockey_env.tables import FULL_SIZE
 from tests import hostile
@@ -18,7 +19,7 @@ STEPS = 12_000
 
 @pytest.mark.parametrize("name", hostile.SPECS)
 def test_the_laws_hold_in_hostile_play(name):
-    reports = [hostile.play_hostile(hostile.SPECS[name], rate, STEPS, seed=5) for rate in hostile.RATES]
+    reports = [hostile.play_hostile(name, rate, STEPS, seed=5) for rate in hostile.RATES]
     assert [report.failure for report in reports] == [""] * len(hostile.RATES)
     # It was hostile: contacts of both kinds, squeezed pucks, pinned pucks and points.
     paddle, edge, crowded, pinned, points = np.sum([report[2:7] for report in reports], axis=0)
@@ -30,13 +31,38 @@ def test_the_laws_hold_in_hostile_play(name):
 @pytest.mark.parametrize("seed", range(4))
 def test_the_laws_hold_in_hostile_play_on_random_tables(seed):
     for rate in hostile.RATES:
-        assert hostile.play_hostile(hostile.random_spec(seed, rate), rate, 2000, seed).failure == ""
+        assert hostile.play_hostile(hostile.RANDOM, rate, 2000, seed).failure == ""
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_laws_hold_in_hostile_play_on_tables_drawn_anew_for_every_episode(seed):
+    for rate in hostile.RATES:
+        report = hostile.play_hostile(hostile.RANDOMIZED, rate, STEPS, seed)
+        assert report.failure == ""
+        assert report.drawn >= STEPS / hostile.EPISODE
+
+
+def test_hostile_tables_are_drawn_widely():
+    """A few tables from a few ranges cover most of what tables may be."""
+    drawn = []
+    for seed in range(20):
+        game = Game(50, opponent="idle", **hostile.table_of(hostile.RANDOMIZED, seed, 50.0))
+        assert game.randomized == FIELDS
+        game.seed(range(50))
+        game.reset()
+        drawn.append(game.physics["spec"])
+    specs = np.concatenate(drawn)
+    assert len(np.unique(specs, axis=0)) == len(specs)
+    share = specs[:, FIELDS.index("wall_restitution")]
+    assert share.min() < 0.1 and share.max() > 0.9
+    length, speed = specs[:, FIELDS.index("length")], specs[:, FIELDS.index("paddle_speed")]
+    assert length.max() > 2.0 * length.min() and speed.max() > 4.0 * speed.min()
 
 
 def test_hostile_play_repeats_to_the_bit():
-    first, second = (hostile.play_hostile(FULL_SIZE, 50.0, 4000, seed=8) for _ in range(2))
+    first, second = (hostile.play_hostile(hostile.RANDOMIZED, 50.0, 4000, seed=8) for _ in range(2))
     assert first == second
-    assert first != hostile.play_hostile(FULL_SIZE, 50.0, 4000, seed=9)
+    assert first != hostile.play_hostile(hostile.RANDOMIZED, 50.0, 4000, seed=9)
 
 
 def _put(position):
@@ -106,5 +132,12 @@ def test_each_check_sees_what_it_is_for(change, failure):
     game.tables["position"][0, PUCK] = (0.2, 0.1)
     contacts = np.zeros(CONTACT_ROWS, CONTACT)
     change(game.tables, contacts)
-    tally, seen = np.zeros(6), np.zeros((1, 13), np.float32)
+    tally, seen = np.zeros(7), np.zeros((1, 13), np.float32)
     assert hostile._check(game.tables[0], game.physics[0], contacts, False, 1.0, seen, tally) == failure
+
+
+def test_the_check_of_ranges_sees_what_it_is_for():
+    game = Game(1, opponent="idle")
+    assert hostile._in_ranges(game.physics[0], check_ranges(FULL_SIZE, {"length": (FULL_SIZE.length, 2.5)}))
+    assert not hostile._in_ranges(game.physics[0], check_ranges(FULL_SIZE, {"length": (2.4, 2.5)}))
+    assert not hostile._in_ranges(game.physics[0], check_ranges(FULL_SIZE, {"drag_linear": (0.1, 0.2)}))

@@ -16,6 +16,7 @@ import pytest
 from gymnasium.error import DependencyNotInstalled, ResetNeeded
 
 from airhockey_env import AirHockeyEnv
+from airhockey_env.game import OBS_TYPES
 from airhockey_env.records import LEFT, PUCK, RIGHT
 from airhockey_env.spaces import DIRECTIONS
 from airhockey_env.tables import PRESETS
@@ -25,7 +26,7 @@ pytest.importorskip("pettingzoo")
 
 from pettingzoo.utils import aec_to_parallel
 
-from airhockey_env.parallel_env import AGENTS, AirHockeyParallelEnv, env, parallel_env
+from airhockey_env.parallel_env import AGENTS, TASKS, AirHockeyParallelEnv, env, parallel_env
 
 with warnings.catch_warnings():  # on importing its own old environments
     warnings.simplefilter("ignore", DeprecationWarning)
@@ -46,8 +47,6 @@ VARIANTS = [
     {"continuous": False},
     {"reward": "shaped"},
     {"task": "match", "max_episode_steps": None},
-    {"obs_type": "rgb", "max_episode_steps": 40},
-    {"obs_type": "grayscale", "continuous": False, "max_episode_steps": 40},
     *({"table": name} for name in PRESETS),
     *({"control_hz": rate} for rate in (10, 240)),
     {**PICTURES, "max_episode_steps": 9},
@@ -98,6 +97,17 @@ def players(seed, steps, continuous=True):
 # What PettingZoo demands
 
 
+@pytest.mark.parametrize("continuous", [True, False])
+@pytest.mark.parametrize("obs_type", OBS_TYPES)
+@pytest.mark.parametrize("task", TASKS)
+def test_pettingzoo_has_no_complaint_of_any_kind_of_observation_and_action(task, obs_type, continuous, capsys):
+    pytest.importorskip("pygame")
+    arguments = {"task": task, "obs_type": obs_type, "continuous": continuous, "max_episode_steps": 40}
+    parallel_api_test(parallel_env(**arguments))
+    parallel_seed_test(lambda: parallel_env(**arguments))
+    render_test(lambda render_mode: env(render_mode=render_mode, render_size=SMALL, control_hz=240, **arguments))
+
+
 @pytest.mark.parametrize("arguments", VARIANTS, ids=str)
 def test_pettingzoo_has_no_complaint(arguments, capsys):
     parallel_api_test(parallel_env(**arguments), num_cycles=1600)
@@ -111,11 +121,6 @@ def test_pettingzoo_has_no_complaint(arguments, capsys):
 @pytest.mark.parametrize("arguments", [{}, {"continuous": False, "reward": "shaped"}, {"task": "match"}], ids=str)
 def test_pettingzoo_has_no_complaint_agent_by_agent(arguments, capsys):
     api_test(env(**arguments), num_cycles=400)
-
-
-def test_pettingzoos_render_test():
-    pytest.importorskip("pygame")
-    render_test(lambda render_mode: env(render_mode=render_mode, render_size=SMALL, control_hz=240))
 
 
 def test_it_says_what_it_is():
@@ -172,7 +177,12 @@ PARITY = [
     {"continuous": False},
     {"task": "match", "table": "ideal", "reward": "shaped", "control_hz": 24},
     {"table": "challenge", "continuous": False, "control_hz": 120.5},
-    {"obs_type": "rgb"},
+    *(
+        {"task": task, "obs_type": obs_type, "continuous": continuous, "randomize": {"width": (1.0, 1.2)}}
+        for task in TASKS
+        for obs_type in OBS_TYPES
+        for continuous in (True, False)
+    ),
 ]
 
 

@@ -12,6 +12,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 
 from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv
+from airhockey_env.game import OBS_TYPES
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import FULL_SIZE
 from tests.faces import IDS, pursue, random_actions, same, shown
@@ -133,6 +134,67 @@ def test_stable_baselines_batch_is_the_same_step_batch(arguments):
                 assert value == final["table"][name][i]
             assert detail == {"TimeLimit.truncated": truncated[i], "is_success": final["is_success"][i]}
     assert ended > n
+
+
+SWIFT = dataclasses.replace(FULL_SIZE, paddle_speed=15.0, paddle_acceleration=500.0, puck_speed=20.0)
+KINDS = {
+    "plain": {},
+    "another table": {"table": "challenge", "control_hz": 24, "reward": "shaped"},
+    "a swift table": {"table": SWIFT, "control_hz": 120, "opponent_skill": 0.5},
+    "randomized": {"randomize": {"width": (1.0, 1.2), "puck_radius": (0.03, 0.045), "paddle_speed": (3.0, 9.0)}},
+    "a pool": {"opponent": ["striker", pursue, "random"], "reward": "shaped"},
+}
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
+@pytest.mark.parametrize("continuous", [True, False])
+@pytest.mark.parametrize("obs_type", OBS_TYPES)
+@pytest.mark.parametrize("name", IDS)
+def test_every_face_gives_the_same_bits(name, obs_type, continuous, kind):
+    """Single environments, both kinds of batches and Stable-Baselines3's; PettingZoo's is in test_parallel_env."""
+    n = 3
+    arguments = {"obs_type": obs_type, "continuous": continuous, "max_episode_steps": 30, **kind}
+    pool = [{"opponent": member} for member in kind.get("opponent", ())] or [{}] * n
+    singles = [gym.make(name, **{**arguments, **one}) for one in pool]
+    batch = gym.make_vec(name, num_envs=n, autoreset_mode="SameStep", **arguments)
+    by_hand = gym.make_vec(name, num_envs=n, autoreset_mode="Disabled", **arguments)
+    sb3 = AirHockeySB3VecEnv(n, **{**gym.spec(name).kwargs, **arguments})
+    sb3.seed(30)
+
+    def for_sb3(pictures):
+        return pictures[..., None] if obs_type == "grayscale" else pictures
+
+    observations, _ = batch.reset(seed=30)
+    assert same(observations, np.stack([env.reset(seed=30 + i)[0] for i, env in enumerate(singles)]))
+    assert same(observations, by_hand.reset(seed=30)[0]) and same(for_sb3(observations), sb3.reset())
+    ends = contacts = 0
+    for drawn in random_actions(9, 90, n, continuous):
+        actions = actions_for(batch, batch.unwrapped._game.out.observation, drawn)
+        results = [env.step(action) for env, action in zip(singles, actions, strict=True)]
+        observations, rewards, terminated, truncated, infos = batch.step(actions)
+        seen, earned, dones, details = sb3.step(actions)
+        last, *signals, told = by_hand.step(actions)
+        done = terminated | truncated
+        assert same(signals, [rewards, terminated, truncated])
+        assert same((seen, earned, dones), (for_sb3(observations), rewards.astype(np.float32), done))
+        for i, (observation, reward, over, cut, info) in enumerate(results):
+            assert (reward, over, cut and not over) == (rewards[i], terminated[i], truncated[i])
+            assert same(observation, last[i])
+            assert same(observation, infos["final_obs"][i] if done[i] else observations[i])
+            table = info.pop("table", {})
+            for theirs in (told, infos["final_info"] if done[i] else infos):
+                assert same(info, {key: theirs[key][i] for key in info})
+                assert all(theirs["table"][field][i] == value for field, value in table.items())
+            if done[i]:
+                assert same(for_sb3(observation), details[i]["terminal_observation"])
+                assert same(info["score"], details[i]["score"]) and details[i].get("table", {}) == table
+                assert details[i]["is_success"] == info["is_success"]
+                assert same(singles[i].reset()[0], observations[i])
+            contacts += len(info["contacts"])
+        if done.any():
+            ends += done.sum()
+            assert same(by_hand.reset(options={"reset_mask": done})[0], observations)
+    assert ends >= 9 and contacts > 2
 
 
 def fingerprint(n, threads, rows, **arguments):

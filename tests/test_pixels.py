@@ -13,11 +13,9 @@ import sys
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env as check_for_gymnasium
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import FrameStackObservation
 from stable_baselines3 import PPO
-from stable_baselines3.common.env_checker import check_env as check_for_sb3
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecTransposeImage
 
 from airhockey_env import PRESETS, AirHockeyEnv, AirHockeyVectorEnv, raster
@@ -25,7 +23,7 @@ from airhockey_env.game import OBS_TYPES, Game
 from airhockey_env.physics import physics_record
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import FULL_SIZE
-from tests.faces import IDS, pursue, random_actions, same
+from tests.faces import pursue, random_actions, same
 
 pytestmark = [pytest.mark.filterwarnings("error")]
 
@@ -54,15 +52,6 @@ SURFACE = (slice(8, 82), slice(3, 81))
 
 
 # What the spaces and the arguments are ------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("name", IDS)
-def test_checkers_have_no_complaint(name, kind):
-    env = gym.make(name, obs_type=kind, disable_env_checker=True).unwrapped
-    check_for_gymnasium(env, skip_render_check=True)
-    # Stable-Baselines3 warns of all images without an axis of channels.
-    check_for_sb3(env, warn=kind == "rgb", skip_render_check=True)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
@@ -11,7 +10,7 @@ from typing import Any
 
 def _between(name: str, value: Any, low: float, high: float, other: str = "") -> float:
     number = isinstance(value, Real) and not isinstance(value, bool)
-    if not number or not math.isfinite(value) or not low <= value <= high:
+    if not number or not low <= value <= high:
         raise ValueError(f"{name} must be {other}a number from {low} to {high}, got {value!r}")
     return float(value)
 
