@@ -46,7 +46,8 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
-from airhockey_env.env import AirHockeyEnv, draw_row, make_renderer
+from airhockey_env.env import AirHockeyEnv
+from airhockey_env.face import draw_row, make_renderer
 from airhockey_env.files import replace
 from airhockey_env.game import DIRECTIONS, REWARDS, Game
 from airhockey_env.physics import FIELDS
