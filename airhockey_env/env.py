@@ -195,7 +195,7 @@ class AirHockeyEnv(TableFace, gym.Env):
         self._game.reset(options=checked)
         if self.render_mode == "human":
             self.render()
-        return self._observation(), self._info()
+        return self._observation(), self._info_of(self._game.tables["score"][0].copy(), False)
 
     def step(self, action: Any) -> tuple[NDArray[Any], float, bool, bool, dict[str, Any]]:
         """Play one control step.
@@ -207,16 +207,22 @@ class AirHockeyEnv(TableFace, gym.Env):
         game, out = self._game, self._game.out
         game.step(game.check_action(action))
         terminated = bool(out.terminated[0])
-        info = self._info()
+        info = self._info_of(game.tables["score"][0].copy(), bool(out.success[0]))
         if self.render_mode == "human":
             self.render()
         return self._observation(), float(out.reward[0]), terminated, bool(out.truncated[0]), info
+
+    def observe(self) -> NDArray[Any]:
+        """The observation of the table as it is now, without a step: what `reset` or `step` returned or, after
+        `set_state`, what they returned in that state. A fresh array.
+
+        Raises:
+            gymnasium.error.ResetNeeded: no episode has begun.
+        """
+        self._game.check_begun()
+        return self._observation()
 
     def _observation(self) -> NDArray[Any]:
         if self._game.pixels is None:  # quickly
             return self._game.out.observation[0].copy()
         return self._game.observations()[0]
-
-    def _info(self) -> dict[str, Any]:
-        game = self._game
-        return self._info_of(game.tables["score"][0].copy(), bool(game.out.success[0]))

@@ -139,6 +139,18 @@ class BatchFace(Face):
         self._game.set_state(state, _rows(indices))
         self._seeded = True
 
+    def observe(self, indices: ArrayLike | None = None) -> NDArray[Any]:
+        """Observations of all tables, or of some, as they are now, without a step: (n, ...), a fresh array.
+
+        What `reset` or `step` returned or, after `set_state`, what they returned in that state.
+
+        Raises:
+            gymnasium.error.ResetNeeded: no episode has begun on one of these tables.
+        """
+        game, rows = self._game, _rows(indices)
+        game.check_begun(rows)
+        return game.observations() if indices is None else game.shown(game.out.observation[rows], rows)
+
     def _pictures(self) -> list[NDArray[np.uint8]] | None:
         """A picture of every table, or None without a render_mode."""
         if self._renderer is None:

@@ -343,6 +343,15 @@ class Game:
         rows = self._check_rows(tables)
         self.tables["skill"][rows, 1] = _skill(skill, len(rows))
 
+    def check_begun(self, rows: NDArray[Any] | slice = slice(None)) -> None:
+        """Whether there is anything to see on the given tables.
+
+        Raises:
+            ResetNeeded: no episode has begun on one of them.
+        """
+        if not self.tables["side"][rows].all():
+            raise ResetNeeded("reset every table, or set its state, before observe")
+
     def observations(self) -> NDArray[Any]:
         """Fresh observations of the left players, as `obs_type` says: (N, ...)."""
         return self.shown(self.out.observation)

@@ -244,6 +244,16 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
         table = self._game.tables[0]
         self.agents = [] if table["done"] or table["side"] == 0 else list(AGENTS)
 
+    def observe(self) -> dict[str, NDArray[Any]]:
+        """Both agents' observations of the table as it is now, without a step: what `reset` or `step` returned or,
+        after `set_state`, what they returned in that state. Fresh arrays, of both agents after the episode's end too.
+
+        Raises:
+            gymnasium.error.ResetNeeded: no episode has begun.
+        """
+        self._game.check_begun()
+        return self._observations()
+
     def _observations(self) -> dict[str, NDArray[Any]]:
         game, out = self._game, self._game.out
         if game.pixels is None:  # quickly
@@ -255,8 +265,8 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
         score = game.tables["score"][0]
         over = not self.agents and bool(game.out.terminated[0])
         return {
-            agent: self._info_of(own, over and bool(own[0] > own[1]))
-            for agent, own in (("left", score.copy()), ("right", score[::-1].copy()))
+            "left": self._info_of(score.copy(), over and bool(score[0] > score[1])),
+            "right": self._info_of(score[::-1].copy(), over and bool(score[1] > score[0])),
         }
 
 

@@ -84,6 +84,10 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
         self.reset_infos = [{} for _ in range(self.num_envs)]
         return self._with_channels(self._game.observations())
 
+    def observe(self, indices: Any = None) -> NDArray[Any]:
+        """As `AirHockeyVectorEnv.observe`; pictures have their axis of channels."""
+        return self._with_channels(super().observe(indices))
+
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Seed the next reset: the first table with `seed`, the next with the number after it, and so on.
 
