@@ -50,7 +50,7 @@ def batch(make, **arguments):
 
 @pytest.mark.parametrize("arguments", VARIANTS, ids=shown)
 def test_one_table(arguments):
-    env, other = AirHockeyEnv(**arguments), AirHockeyEnv(**arguments)
+    env, other = (AirHockeyEnv(task="match", **arguments) for _ in range(2))
     drawn = random_actions(1, 90, 1)[:, 0]
     found = moments(env, lambda: env.reset(seed=3)[0], lambda k: env.step(drawn[k])[0])
     assert len({observation.tobytes() for _, observation in found}) > 15
@@ -62,7 +62,7 @@ def test_one_table(arguments):
 
 @pytest.mark.parametrize("arguments", VARIANTS, ids=shown)
 def test_two_players(arguments):
-    env, other = AirHockeyParallelEnv(**arguments), AirHockeyParallelEnv(**arguments)
+    env, other = (AirHockeyParallelEnv(task="match", **arguments) for _ in range(2))
     drawn = random_actions(1, 90, 2)
     found = moments(env, lambda: env.reset(seed=3)[0], lambda k: env.step(dict(zip(AGENTS, drawn[k], strict=True)))[0])
     for state, observations in reversed(found):
