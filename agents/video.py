@@ -11,7 +11,7 @@ from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
 from agents.evaluation import MAX_EPISODE_STEPS
-from airhockey_env.env import draw_row
+from airhockey_env.face import draw_row
 from airhockey_env.files import replace
 from airhockey_env.game import Game
 from airhockey_env.policy import MlpPolicy

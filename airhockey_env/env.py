@@ -6,18 +6,15 @@ from collections.abc import Mapping
 from typing import Any
 
 import gymnasium as gym
-import numpy as np
 from numpy.typing import NDArray
 
-from airhockey_env.contacts import NO_CONTACTS, Contacts
+from airhockey_env.face import TableFace
 from airhockey_env.game import Game, Policy, check_opponent, check_seed
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.tables import TableSpec
 
-RENDER_MODES = ("human", "rgb_array")
 
-
-class AirHockeyEnv(gym.Env):
+class AirHockeyEnv(TableFace, gym.Env):
     """
     ## Description
     Air hockey against an opponent, on an exact physics engine: within a control step every contact of puck, paddles,
@@ -119,7 +116,7 @@ class AirHockeyEnv(gym.Env):
     ## Arguments
     | argument | values | default |
     |---|---|---|
-    | `task` | `"point"`, `"match"`, `"hit"`, `"defend"`; each registered id sets it | `"point"` |
+    | `task` | `"point"`, `"match"`, `"hit"`, `"defend"`; each registered id sets it, with the opponent and the limit above; alone it leaves these as they are | `"point"` |
     | `opponent` | `"idle"`, `"random"`, `"goalie"`, `"striker"`, or a callable: float32 observations (N, 13) from its own side to actions (N, 2) | `"striker"` |
     | `opponent_skill` | 0 to 1: share of its paddle's speed that a scripted opponent uses | 1.0 |
     | `table` | `"full_size"`, `"challenge"`, `"ideal"` or a `TableSpec` | `"full_size"` |
@@ -138,7 +135,7 @@ class AirHockeyEnv(gym.Env):
     * v0: first version.
     """  # noqa: E501
 
-    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}  # noqa: RUF012
+    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 50}  # noqa: RUF012
 
     def __init__(
         self,
@@ -156,7 +153,7 @@ class AirHockeyEnv(gym.Env):
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
     ) -> None:
-        self._game = Game(
+        game = Game(
             1,
             task=task,
             table=table,
@@ -170,28 +167,9 @@ class AirHockeyEnv(gym.Env):
             max_episode_steps=max_episode_steps,
             num_threads=1,
         )
-        self.render_mode = check_render_mode(render_mode, RENDER_MODES)
-        self.metadata = {**type(self).metadata, "render_fps": round(self._game.control_hz)}
-        self.observation_space = observation_space(self._game.obs_type)
-        self.action_space = action_space(self._game.continuous)
-        self._renderer = None if render_mode is None else make_renderer(self._game.spec, render_size)
-        self._window: Any = None
-        self._seeded = False
-
-    @property
-    def table(self) -> TableSpec:
-        """The table in play."""
-        return self._game.table_of(0)
-
-    @property
-    def positions(self) -> NDArray[np.float64]:
-        """(3, 2) m, a copy: left paddle, right paddle, puck; centred on the table, x along its length."""
-        return self._game.tables["position"][0].copy()
-
-    @property
-    def velocities(self) -> NDArray[np.float64]:
-        """(3, 2) m/s, a copy: left paddle, right paddle, puck."""
-        return self._game.tables["velocity"][0].copy()
+        self._show(game, render_mode, render_size)
+        self.observation_space = observation_space(game.obs_type)
+        self.action_space = action_space(game.continuous)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -217,7 +195,7 @@ class AirHockeyEnv(gym.Env):
         self._game.reset(options=checked)
         if self.render_mode == "human":
             self.render()
-        return self._observation(), self._info()
+        return self._observation(), self._info_of(self._game.tables["score"][0].copy(), False)
 
     def step(self, action: Any) -> tuple[NDArray[Any], float, bool, bool, dict[str, Any]]:
         """Play one control step.
@@ -229,82 +207,22 @@ class AirHockeyEnv(gym.Env):
         game, out = self._game, self._game.out
         game.step(game.check_action(action))
         terminated = bool(out.terminated[0])
-        info = self._info()
+        info = self._info_of(game.tables["score"][0].copy(), bool(out.success[0]))
         if self.render_mode == "human":
             self.render()
         return self._observation(), float(out.reward[0]), terminated, bool(out.truncated[0]), info
 
-    def render(self) -> NDArray[np.uint8] | None:
-        """The picture as (height, width, 3) uint8 in `"rgb_array"` mode; shows it in a window in `"human"` mode."""
-        if self._renderer is None:
-            gym.logger.warn("render() needs a render_mode: gymnasium.make(id, render_mode='rgb_array')")
-            return None
-        frame = draw_row(self._renderer, self._game, 0)
-        if self.render_mode == "rgb_array":
-            return frame
-        if self._window is None:
-            from airhockey_env.window import Window
-
-            height, width = frame.shape[:2]
-            self._window = Window((width, height), "Air hockey", self.metadata["render_fps"])
-        self._window.show(frame)
-        return None
-
-    def close(self) -> None:
-        """Close the window, if there is one."""
-        if self._window is not None:
-            self._window.close()
-            self._window = None
-
-    def get_state(self) -> NDArray[np.void]:
-        """Everything that decides what happens next: (1,) record, random stream and clocks included."""
-        return self._game.get_state()
-
-    def set_state(self, state: NDArray[np.void]) -> None:
-        """Go on from a state that `get_state` returned: what follows is the same to the bit.
+    def observe(self) -> NDArray[Any]:
+        """The observation of the table as it is now, without a step: what `reset` or `step` returned or, after
+        `set_state`, what they returned in that state. A fresh array.
 
         Raises:
-            ValueError: not such a state. Nothing has changed then.
+            gymnasium.error.ResetNeeded: no episode has begun.
         """
-        self._game.set_state(state)
-        self._seeded = True
+        self._game.check_begun()
+        return self._observation()
 
     def _observation(self) -> NDArray[Any]:
         if self._game.pixels is None:  # quickly
             return self._game.out.observation[0].copy()
         return self._game.observations()[0]
-
-    def _info(self) -> dict[str, Any]:
-        tables = self._game.tables
-        score, count = tables["score"][0].copy(), tables["n_contacts"][0]
-        contacts = Contacts(self._game.out.contacts.copy(), 0, count) if count else NO_CONTACTS
-        info: dict[str, Any] = {"score": score, "contacts": contacts, "is_success": bool(self._game.out.success[0])}
-        if self._game.randomized:
-            info["table"] = {name: float(value[0]) for name, value in self._game.drawn().items()}
-        return info
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_window": None}  # a copy opens its own
-
-
-def check_render_mode(render_mode: str | None, allowed: tuple[str, ...]) -> str | None:
-    """`render_mode`, or a ValueError that says what is allowed."""
-    if render_mode is not None and not (isinstance(render_mode, str) and render_mode in allowed):
-        raise ValueError(f"render_mode must be None or one of {allowed}, got {render_mode!r}")
-    return render_mode
-
-
-def make_renderer(spec: TableSpec, size: tuple[int, int] | None) -> Any:
-    """A `Renderer`; imported here, so that playing without pictures does not load it."""
-    from airhockey_env.render import Renderer
-
-    return Renderer(spec, size)
-
-
-def draw_row(renderer: Any, game: Game, i: int) -> NDArray[np.uint8]:
-    """The picture of table i of a game."""
-    table, spec = game.tables[i], game.table_of(i)
-    if renderer.table != spec:  # drawn anew for this episode
-        renderer = make_renderer(spec, renderer.size)
-    clock = int(table["side"]) * int(table["clock"]) / int(game.physics["clock_limit"][0])
-    return renderer.draw(table["position"], score=tuple(table["score"].tolist()), clock=clock)

@@ -292,7 +292,7 @@ class Game:
         Raises:
             ValueError: there are no such places or tables. Nothing has changed then.
         """
-        rows = self._check_rows(tables)
+        rows = self.check_rows(tables)
         try:
             places = np.asarray(indices)
         except ValueError:  # lists of different lengths
@@ -341,8 +341,17 @@ class Game:
         Raises:
             ValueError: the skill is out of range, or there are no such tables. Nothing has changed then.
         """
-        rows = self._check_rows(tables)
+        rows = self.check_rows(tables)
         self.tables["skill"][rows, 1] = _skill(skill, len(rows))
+
+    def check_begun(self, rows: NDArray[Any] | slice = slice(None)) -> None:
+        """Whether there is anything to see on the given tables.
+
+        Raises:
+            ResetNeeded: no episode has begun on one of them.
+        """
+        if not self.tables["side"][rows].all():
+            raise ResetNeeded("reset every table, or set its state, before observe")
 
     def observations(self) -> NDArray[Any]:
         """Fresh observations of the left players, as `obs_type` says: (N, ...)."""
@@ -373,7 +382,7 @@ class Game:
         Raises:
             ValueError: there are no such tables.
         """
-        rows = self._check_rows(indices, "indices", repeated=True)
+        rows = self.check_rows(indices, "indices", repeated=True)
         if not self.randomized:
             return np.array(self.tables[rows])
         state = np.zeros(len(rows), RANDOMIZED_TABLE)
@@ -391,7 +400,7 @@ class Game:
             ValueError: there are no such tables; not a state of as many tables, or none that they could be in, or of a
                 larger pool of opponents. Nothing has changed then.
         """
-        chosen = self._check_rows(indices, "indices")
+        chosen = self.check_rows(indices, "indices")
         dtype = RANDOMIZED_TABLE if self.randomized else TABLE
         if not isinstance(state, np.ndarray) or state.dtype != dtype or state.shape != chosen.shape:
             raise ValueError(
@@ -519,7 +528,7 @@ class Game:
         if self.randomized and (physics["tick"] != self.physics["tick"][0]).any():
             raise ValueError(f"state must be of a game at control_hz {self.control_hz}, as this one; got another's")
 
-    def _check_rows(self, tables: ArrayLike | None, name: str = "tables", repeated: bool = False) -> NDArray[np.int64]:
+    def check_rows(self, tables: ArrayLike | None, name: str = "tables", repeated: bool = False) -> NDArray[np.int64]:
         """Numbers of tables; errors call them `name`."""
         if tables is None:
             return self._all_rows

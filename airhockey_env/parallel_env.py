@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from gymnasium import logger, spaces
+from gymnasium import spaces
 from gymnasium.error import DependencyNotInstalled, ResetNeeded
 from numpy.typing import NDArray
 
-from airhockey_env.contacts import NO_CONTACTS, Contacts
-from airhockey_env.env import RENDER_MODES, check_render_mode, draw_row, make_renderer
+from airhockey_env.face import TableFace
 from airhockey_env.game import Game, check_seed
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.tables import TableSpec
@@ -30,7 +29,7 @@ TASKS = ("point", "match")
 """The tasks that are the same for both players."""
 
 
-class AirHockeyParallelEnv(ParallelEnv[str, NDArray[Any], Any]):
+class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
     """
     ## Description
     Air hockey for two: the game of `AirHockeyEnv`, with the caller at both paddles. The agents are `"left"` and
@@ -105,7 +104,7 @@ class AirHockeyParallelEnv(ParallelEnv[str, NDArray[Any], Any]):
 
     metadata: dict[str, Any] = {  # noqa: RUF012
         "name": "air_hockey_v0",
-        "render_modes": list(RENDER_MODES),
+        "render_modes": ["human", "rgb_array"],
         "render_fps": 50,
         "is_parallelizable": True,
     }
@@ -126,7 +125,7 @@ class AirHockeyParallelEnv(ParallelEnv[str, NDArray[Any], Any]):
     ) -> None:
         if not isinstance(task, str) or task not in TASKS:
             raise ValueError(f"task must be one of {TASKS}, those that both sides share; got {task!r}")
-        self._game = Game(
+        game = Game(
             1,
             task=task,
             table=table,
@@ -139,16 +138,12 @@ class AirHockeyParallelEnv(ParallelEnv[str, NDArray[Any], Any]):
             max_episode_steps=max_episode_steps,
             num_threads=1,
         )
-        self.render_mode = check_render_mode(render_mode, RENDER_MODES)
-        self.metadata = {**type(self).metadata, "render_fps": round(self._game.control_hz)}
+        self._show(game, render_mode, render_size)
         self.possible_agents = list(AGENTS)
         self.agents: list[str] = []
-        self.observation_spaces = {agent: observation_space(self._game.obs_type) for agent in AGENTS}
-        self.action_spaces = {agent: action_space(self._game.continuous) for agent in AGENTS}
+        self.observation_spaces = {agent: observation_space(game.obs_type) for agent in AGENTS}
+        self.action_spaces = {agent: action_space(game.continuous) for agent in AGENTS}
         self.state_space = observation_space()
-        self._renderer = None if render_mode is None else make_renderer(self._game.spec, render_size)
-        self._window: Any = None
-        self._seeded = False
 
     def observation_space(self, agent: str) -> spaces.Box:
         """The observation space of an agent: always the same object."""
@@ -157,21 +152,6 @@ class AirHockeyParallelEnv(ParallelEnv[str, NDArray[Any], Any]):
     def action_space(self, agent: str) -> spaces.Box | spaces.Discrete:
         """The action space of an agent: always the same object."""
         return self.action_spaces[agent]
-
-    @property
-    def table(self) -> TableSpec:
-        """The table in play."""
-        return self._game.table_of(0)
-
-    @property
-    def positions(self) -> NDArray[np.float64]:
-        """(3, 2) m, a copy: left paddle, right paddle, puck; centred on the table, x along its length."""
-        return self._game.tables["position"][0].copy()
-
-    @property
-    def velocities(self) -> NDArray[np.float64]:
-        """(3, 2) m/s, a copy: left paddle, right paddle, puck."""
-        return self._game.tables["velocity"][0].copy()
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
@@ -254,42 +234,25 @@ class AirHockeyParallelEnv(ParallelEnv[str, NDArray[Any], Any]):
             raise ResetNeeded("reset before state")
         return self._game.out.observation[0].copy()
 
-    def render(self) -> NDArray[np.uint8] | None:
-        """The picture as (height, width, 3) uint8 in `"rgb_array"` mode; shows it in a window in `"human"` mode."""
-        if self._renderer is None:
-            logger.warn("render() needs a render_mode: AirHockeyParallelEnv(render_mode='rgb_array')")
-            return None
-        frame = draw_row(self._renderer, self._game, 0)
-        if self.render_mode == "rgb_array":
-            return frame
-        if self._window is None:
-            from airhockey_env.window import Window
-
-            height, width = frame.shape[:2]
-            self._window = Window((width, height), "Air hockey", self.metadata["render_fps"])
-        self._window.show(frame)
-        return None
-
-    def close(self) -> None:
-        """Close the window, if there is one."""
-        if self._window is not None:
-            self._window.close()
-            self._window = None
-
-    def get_state(self) -> NDArray[np.void]:
-        """Everything that decides what happens next: (1,) record, random stream and clocks included."""
-        return self._game.get_state()
-
     def set_state(self, state: NDArray[np.void]) -> None:
         """Go on from a state that `get_state` returned: what follows is the same to the bit. `agents` follows it.
 
         Raises:
             ValueError: not such a state. Nothing has changed then.
         """
-        self._game.set_state(state)
-        self._seeded = True
+        super().set_state(state)
         table = self._game.tables[0]
         self.agents = [] if table["done"] or table["side"] == 0 else list(AGENTS)
+
+    def observe(self) -> dict[str, NDArray[Any]]:
+        """Both agents' observations of the table as it is now, without a step: what `reset` or `step` returned or,
+        after `set_state`, what they returned in that state. Fresh arrays, of both agents after the episode's end too.
+
+        Raises:
+            gymnasium.error.ResetNeeded: no episode has begun.
+        """
+        self._game.check_begun()
+        return self._observations()
 
     def _observations(self) -> dict[str, NDArray[Any]]:
         game, out = self._game, self._game.out
@@ -299,18 +262,12 @@ class AirHockeyParallelEnv(ParallelEnv[str, NDArray[Any], Any]):
 
     def _infos(self) -> dict[str, dict[str, Any]]:
         game = self._game
-        score, count = game.tables["score"][0], game.tables["n_contacts"][0]
+        score = game.tables["score"][0]
         over = not self.agents and bool(game.out.terminated[0])
-        infos = {}
-        for agent, own in (("left", score.copy()), ("right", score[::-1].copy())):
-            contacts = Contacts(game.out.contacts.copy(), 0, count) if count else NO_CONTACTS
-            infos[agent] = {"score": own, "contacts": contacts, "is_success": over and bool(own[0] > own[1])}
-            if game.randomized:
-                infos[agent]["table"] = {name: float(value[0]) for name, value in game.drawn().items()}
-        return infos
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_window": None}  # a copy opens its own
+        return {
+            "left": self._info_of(score.copy(), over and bool(score[0] > score[1])),
+            "right": self._info_of(score[::-1].copy(), over and bool(score[1] > score[0])),
+        }
 
 
 def parallel_env(**arguments: Any) -> AirHockeyParallelEnv:

@@ -10,12 +10,11 @@ from gymnasium import spaces
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
-from airhockey_env.env import check_render_mode, draw_row, make_renderer
+from airhockey_env.face import BatchFace
 from airhockey_env.game import Game, Opponent, check_opponent, check_seed
 from airhockey_env.pool import OpponentPool
 from airhockey_env.records import AUTORESET_SAME_STEP
 from airhockey_env.spaces import action_space, observation_space
-from airhockey_env.tables import TableSpec
 
 try:
     from stable_baselines3.common.vec_env import VecEnv
@@ -24,10 +23,8 @@ except ImportError as error:
         'AirHockeySB3VecEnv needs Stable-Baselines3: pip install "airhockey-env[train]"'
     ) from error
 
-RENDER_MODES = ("rgb_array",)
 
-
-class AirHockeySB3VecEnv(OpponentPool, VecEnv):
+class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
     """`num_envs` tables of `AirHockeyEnv` (whose docstring is the specification) as a Stable-Baselines3 `VecEnv`.
 
     Episodes restart in the step that ends them. The info of that step holds `terminal_observation`,
@@ -47,6 +44,8 @@ class AirHockeySB3VecEnv(OpponentPool, VecEnv):
         **arguments: those of `AirHockeyEnv` and `num_threads`; `opponent_skill` may be an array, one for each table.
     """
 
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012
+
     def __init__(
         self,
         num_envs: int,
@@ -57,38 +56,19 @@ class AirHockeySB3VecEnv(OpponentPool, VecEnv):
         render_size: tuple[int, int] | None = None,
         **arguments: Any,
     ) -> None:
-        self._game = Game(
+        game = Game(
             num_envs,
             opponent=check_opponent(opponent, several=True),
             max_episode_steps=max_episode_steps,
             autoreset=AUTORESET_SAME_STEP,
             **arguments,
         )
-        self.render_mode = check_render_mode(render_mode, RENDER_MODES)
-        self.metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": round(self._game.control_hz)}
-        self._renderer = None if render_mode is None else make_renderer(self._game.spec, render_size)
-        self._state = self._game.tables
+        self._show(game, render_mode, render_size)
         self._targets: NDArray[np.float32] | None = None
-        self._seeded = False
-        space = observation_space(self._game.obs_type)
-        if self._game.obs_type == "grayscale":
+        space = observation_space(game.obs_type)
+        if game.obs_type == "grayscale":
             space = spaces.Box(0, 255, (*space.shape, 1), np.uint8)
-        super().__init__(self._game.num_tables, space, action_space(self._game.continuous))
-
-    @property
-    def table(self) -> TableSpec:
-        """The table in play."""
-        return self._game.spec
-
-    @property
-    def positions(self) -> NDArray[np.float64]:
-        """(num_envs, 3, 2) m, a copy: left paddle, right paddle, puck."""
-        return self._state["position"].copy()
-
-    @property
-    def velocities(self) -> NDArray[np.float64]:
-        """(num_envs, 3, 2) m/s, a copy: left paddle, right paddle, puck."""
-        return self._state["velocity"].copy()
+        super().__init__(game.num_tables, space, action_space(game.continuous))
 
     def reset(self) -> NDArray[Any]:
         """Begin an episode on every table; with the seeds of `seed` and the options of `set_options`, if given."""
@@ -103,6 +83,10 @@ class AirHockeySB3VecEnv(OpponentPool, VecEnv):
         self._reset_options()
         self.reset_infos = [{} for _ in range(self.num_envs)]
         return self._with_channels(self._game.observations())
+
+    def observe(self, indices: Any = None) -> NDArray[Any]:
+        """As `AirHockeyVectorEnv.observe`; pictures have their axis of channels."""
+        return self._with_channels(super().observe(indices))
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Seed the next reset: the first table with `seed`, the next with the number after it, and so on.
@@ -161,9 +145,7 @@ class AirHockeySB3VecEnv(OpponentPool, VecEnv):
 
     def get_images(self) -> Sequence[np.ndarray | None]:
         """A picture of every table."""
-        if self._renderer is None:
-            return [None] * self.num_envs
-        return [draw_row(self._renderer, self._game, i) for i in range(self.num_envs)]
+        return self._pictures() or [None] * self.num_envs
 
     def close(self) -> None:
         """Nothing is held open."""

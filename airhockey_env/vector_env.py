@@ -11,7 +11,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env.contacts import batch_contacts
-from airhockey_env.env import check_render_mode, draw_row, make_renderer
+from airhockey_env.face import BatchFace
 from airhockey_env.game import Game, Opponent, check_opponent, check_seed
 from airhockey_env.pool import OpponentPool
 from airhockey_env.records import AUTORESET_DISABLED, AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP
@@ -24,10 +24,8 @@ _AUTORESET = {
     AutoresetMode.DISABLED: AUTORESET_DISABLED,
 }
 
-RENDER_MODES = ("rgb_array",)
 
-
-class AirHockeyVectorEnv(OpponentPool, VectorEnv):
+class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
     """`num_envs` tables of `AirHockeyEnv` (whose docstring is the specification), stepped together.
 
     The same seeds and actions give the same trajectories, to the bit, as single environments in a SyncVectorEnv.
@@ -52,7 +50,7 @@ class AirHockeyVectorEnv(OpponentPool, VectorEnv):
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012
-        "render_modes": list(RENDER_MODES),
+        "render_modes": ["rgb_array"],
         "render_fps": 50,
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
@@ -81,7 +79,7 @@ class AirHockeyVectorEnv(OpponentPool, VectorEnv):
         except ValueError as error:
             allowed = [mode.value for mode in AutoresetMode]
             raise ValueError(f"autoreset_mode must be one of {allowed}, got {autoreset_mode!r}") from error
-        self._game = Game(
+        game = Game(
             num_envs,
             task=task,
             table=table,
@@ -96,35 +94,13 @@ class AirHockeyVectorEnv(OpponentPool, VectorEnv):
             autoreset=_AUTORESET[self.autoreset_mode],
             num_threads=num_threads,
         )
-        self.num_envs = self._game.num_tables
-        self.render_mode = check_render_mode(render_mode, RENDER_MODES)
-        self.metadata = {
-            **type(self).metadata,
-            "render_fps": round(self._game.control_hz),
-            "autoreset_mode": self.autoreset_mode,
-        }
-        self.single_observation_space = observation_space(self._game.obs_type)
-        self.single_action_space = action_space(self._game.continuous)
+        self._show(game, render_mode, render_size)
+        self.metadata["autoreset_mode"] = self.autoreset_mode
+        self.num_envs = game.num_tables
+        self.single_observation_space = observation_space(game.obs_type)
+        self.single_action_space = action_space(game.continuous)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self._renderer = None if render_mode is None else make_renderer(self._game.spec, render_size)
-        self._state = self._game.tables
-        self._seeded = False
-
-    @property
-    def table(self) -> TableSpec | tuple[TableSpec, ...]:
-        """The table in play; with `randomize`, one for each table."""
-        return tuple(map(self._game.table_of, range(self.num_envs))) if self._game.randomized else self._game.spec
-
-    @property
-    def positions(self) -> NDArray[np.float64]:
-        """(num_envs, 3, 2) m, a copy: left paddle, right paddle, puck."""
-        return self._state["position"].copy()
-
-    @property
-    def velocities(self) -> NDArray[np.float64]:
-        """(num_envs, 3, 2) m/s, a copy: left paddle, right paddle, puck."""
-        return self._state["velocity"].copy()
 
     def reset(
         self,
@@ -177,33 +153,8 @@ class AirHockeyVectorEnv(OpponentPool, VectorEnv):
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """A picture of every table, each (height, width, 3) uint8."""
-        if self._renderer is None:
-            return None
-        return tuple(draw_row(self._renderer, self._game, i) for i in range(self.num_envs))
-
-    def get_state(self, indices: ArrayLike | None = None) -> NDArray[np.void]:
-        """Copies of everything that decides what happens next, for all tables or for some: (n,) records.
-
-        Args:
-            indices: (n,) numbers of tables, or a mask (num_envs,) of bool; None for all.
-
-        Raises:
-            ValueError: there are no such tables.
-        """
-        return self._game.get_state(indices)
-
-    def set_state(self, state: NDArray[np.void], indices: ArrayLike | None = None) -> None:
-        """Let all tables, or some, go on from states that `get_state` returned; the same to the bit.
-
-        Args:
-            state: (n,) records.
-            indices: (n,) numbers of tables, each once, or a mask (num_envs,) of bool; None for all.
-
-        Raises:
-            ValueError: there are no such tables, or not states of as many. Nothing has changed then.
-        """
-        self._game.set_state(state, indices)
-        self._seeded = True
+        pictures = self._pictures()
+        return None if pictures is None else tuple(pictures)
 
     def _infos(self, mask: NDArray[np.bool_] | None) -> dict[str, Any]:
         """Infos of all tables, or of those of the mask."""
@@ -211,7 +162,7 @@ class AirHockeyVectorEnv(OpponentPool, VectorEnv):
         out = self._game.out
         played = mask is None and self.autoreset_mode != AutoresetMode.SAME_STEP
         success = out.success.copy() if played else np.zeros(self.num_envs, np.bool_)
-        return self._info_of(present, out.score.copy(), self._state["n_contacts"], success, self._game.drawn())
+        return self._info_of(present, out.score.copy(), self._game.tables["n_contacts"], success, self._game.drawn())
 
     def _info_of(
         self,

@@ -25,6 +25,7 @@ import airhockey_env
 from agents.files import write_json
 from airhockey_env.game import Game
 from airhockey_env.records import CONTACT_ROWS, TABLE
+from airhockey_env.sensing import ROBOT, Camera, sense
 
 
 @dataclass(frozen=True)
@@ -54,9 +55,11 @@ class Measure:
     work: Callable[[], Any]
 
 
-def batch_measure(name: str, num_envs: int, **arguments: Any) -> Measure:
+def batch_measure(name: str, num_envs: int, camera: Camera | None = None, **arguments: Any) -> Measure:
     """The default game in a batch, with all that a step hands out, and random actions."""
     envs = gym.make_vec("AirHockey-v0", num_envs=num_envs, **arguments)
+    if camera is not None:
+        envs = sense(envs, camera)
     envs.reset(seed=0)
     envs.action_space.seed(0)
     actions = [envs.action_space.sample() for _ in range(8)]
@@ -165,6 +168,7 @@ def benchmark(args: BenchmarkArgs) -> dict[str, Any]:
         batch_measure(
             f"batch of {args.num_envs}, one core, rgb pictures", args.num_envs, num_threads=1, obs_type="rgb"
         ),
+        batch_measure(f"batch of {args.num_envs}, one core, seen by ROBOT", args.num_envs, ROBOT, num_threads=1),
         single_measure("gym.make, one table", gym.make("AirHockey-v0")),
         single_measure("one table without wrappers", gym.make("AirHockey-v0").unwrapped),
         single_measure("Gymnasium's CartPole-v1 through gym.make", gym.make("CartPole-v1")),

@@ -271,7 +271,7 @@ def test_the_game_turned_by_180_degrees_is_the_game_with_the_players_swapped(tas
     observations, _ = game.reset(seed=6)
     mirror.reset(seed=7)
     mirror.set_state(turned(game.get_state()))
-    assert same(swapped(mirror._observations()), observations)
+    assert same(swapped(mirror.observe()), observations)
     seen: Counter[str] = Counter()
     for choose in players(5, 3000, continuous):
         actions = choose(observations)

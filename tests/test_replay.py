@@ -13,8 +13,18 @@ import pytest
 
 import airhockey_env
 from airhockey_env import AirHockeyEnv, replay
+from airhockey_env.parallel_env import AGENTS, AirHockeyParallelEnv
 from airhockey_env.policy import MlpPolicy
-from airhockey_env.replay import RecordReplay, Replay, is_replay, play_back, play_back_frames
+from airhockey_env.replay import (
+    RecordReplay,
+    RecordVectorReplay,
+    Replay,
+    is_replay,
+    play_back,
+    play_back_frames,
+    playback,
+)
+from airhockey_env.replay.parallel import RecordParallelReplay
 from tests.faces import IDS, pursue, random_actions, shown
 
 VARIANTS = [
@@ -40,7 +50,7 @@ def record(path, name="AirHockey-v0", seed=0, steps=200, limit=70, **arguments):
         if terminated or truncated:
             observation, _ = env.reset()
             states.append(env.unwrapped.get_state())
-    if env._starts[-1] == len(env._actions):
+    if env._takes[0].starts[-1] == len(env._takes[0].actions):
         env.step(env.action_space.sample() * 0)
         states.append(env.unwrapped.get_state())
     env.close()
@@ -212,9 +222,9 @@ def test_other_dynamics_are_refused(recorded, tmp_path, monkeypatch):
     for play in (play_back, play_back_frames):
         with pytest.raises(ValueError, match=message):  # at once, not with the first state
             play(tmp_path / "game.npz")
-    monkeypatch.setattr(replay, "__version__", "10.0")  # not by the version's number
+    monkeypatch.setattr(playback, "__version__", "10.0")  # not by the version's number
     list(play_back(recorded))
-    monkeypatch.setattr(replay, "fingerprint", lambda arguments: "other")
+    monkeypatch.setattr(playback, "fingerprint", lambda arguments: "other")
     with pytest.raises(ValueError, match=r"and would not play back the same in this version 10.0$"):
         play_back(recorded)
 
@@ -338,6 +348,129 @@ def test_wrappers_around_and_inside(tmp_path):
     assert inside.spec is None or "RecordReplay" in inside.spec.to_json()
 
 
+# Two players, and tables of a batch
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {},
+        {"task": "match", "reward": "shaped", "table": "challenge"},
+        {"continuous": False, "obs_type": "grayscale", "control_hz": 30},
+        {"randomize": {"width": (1.0, 1.2)}, "reward": "shaped"},
+    ],
+    ids=shown,
+)
+def test_two_players(arguments, tmp_path):
+    path = tmp_path / "game.npz"
+    env = RecordParallelReplay(AirHockeyParallelEnv(max_episode_steps=70, **arguments), path)
+    assert env.max_num_agents == 2
+    env.reset(seed=3)
+    states = [env.unwrapped.get_state()]
+    continuous = arguments.get("continuous", True)
+    for actions in random_actions(3, 200, 2, continuous):
+        if continuous and len(states) % 3 and arguments.get("obs_type") is None:
+            actions = [pursue(seen[np.newaxis])[0] for seen in env.unwrapped.observe().values()]
+        env.step(dict(zip(AGENTS, actions, strict=True)))
+        states.append(env.unwrapped.get_state())
+        if not env.agents:
+            assert len(Replay.load(path)) == len(env._takes[0].actions)  # written at the end of an episode
+            assert env.step({}) == ({}, {}, {}, {}, {})
+            env.reset()
+            states.append(env.unwrapped.get_state())
+    env.close()
+    plays_back(path, states)
+    loaded = Replay.load(path)
+    assert loaded.arguments["opponent"] is None and loaded.id is None and loaded.seeds[:2] == (3, None)
+    assert len(loaded) == len(loaded.others) == 200 and len(loaded.starts) > 2
+    dataclasses.replace(loaded, fingerprint="0" * 32).save(path)
+    with pytest.raises(ValueError, match=r"game.npz was recorded with other dynamics"):
+        play_back(path)
+
+
+MIXED = ["striker", pursue, "goalie", lambda seen: np.zeros((len(seen), 2))]
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
+@pytest.mark.parametrize(
+    ("arguments", "tables"),
+    [
+        ({}, [0, 3]),
+        ({"opponent": pursue, "reward": "shaped"}, [4, 1]),
+        ({"opponent": MIXED, "reward": "shaped"}, [2]),
+        ({"opponent": MIXED, "reward": "shaped"}, [1, 3, 5]),
+        ({"continuous": False, "randomize": {"width": (1.0, 1.2)}, "task": "match"}, [0, 1, 2, 3, 4, 5]),
+    ],
+    ids=shown,
+)
+def test_tables_of_a_batch(arguments, tables, mode, tmp_path):
+    """Each plays back as a table of its own, whose states are those that the batch showed."""
+    path = tmp_path / "game.npz"
+    envs = RecordVectorReplay(
+        gym.make_vec("AirHockey-v0", num_envs=6, max_episode_steps=40, autoreset_mode=mode, **arguments), path, tables
+    )
+    seen = {i: [] for i in tables}
+    ended = np.zeros(6, int)
+
+    def note():
+        geometry = envs.unwrapped.positions, envs.unwrapped.velocities
+        for i in tables:
+            seen[i].append(np.stack([one[i] for one in geometry]))
+
+    envs.reset(seed=7)
+    note()
+    for actions in random_actions(2, 130, 6, arguments.get("continuous", True)):
+        _, _, terminated, truncated, _ = envs.step(actions)
+        note()
+        over = terminated | truncated
+        ended += over
+        if mode == "Disabled" and over.any():
+            envs.reset(options={"reset_mask": over})
+            note()
+    envs.close()
+    loaded = Replay.load(path)
+    played = [one["table"] if "table" in one.dtype.names else one for one in play_back(path)]
+    begins = np.append(loaded.starts + np.arange(len(loaded.starts)), len(played))
+    firsts = [loaded.seeds.index(7 + i) for i in tables]  # only each table's first take was seeded
+    assert firsts[0] == 0 and firsts == sorted(firsts) and len(loaded.starts) > 2 * len(tables)
+    for i, first, stop in zip(tables, firsts, [*firsts[1:], len(loaded.starts)], strict=True):
+        geometry = {
+            np.stack([one["position"][0], one["velocity"][0]]).tobytes() for one in played[begins[first] : begins[stop]]
+        }
+        assert len(geometry) > 100 and {one.tobytes() for one in seen[i]} <= geometry
+        assert stop - first - 1 <= ended[i] <= stop - first
+    assert loaded.arguments["opponent"] == {0: "striker", 2: "goalie"}.get(tables[0])
+
+
+def test_what_the_wrapper_of_a_batch_refuses(tmp_path):
+    path = tmp_path / "game.npz"
+    make = lambda **arguments: gym.make_vec("AirHockey-v0", num_envs=4, **arguments)  # noqa: E731
+    with pytest.raises(ValueError, match=r"^env must be an AirHockeyVectorEnv, got"):
+        RecordVectorReplay(gym.make_vec("CartPole-v1", num_envs=2), path)
+    for tables in ([4], [-1], [1, 1], [0.5]):
+        with pytest.raises(ValueError, match=r"^tables must be whole numbers from 0 to 3, each once"):
+            RecordVectorReplay(make(), path, tables)
+    with pytest.raises(ValueError, match=r"^tables must be numbers of one table or more, got \[\]"):
+        RecordVectorReplay(make(), path, [])
+    with pytest.raises(ValueError, match=r"which is striker, and an opponent from outside plays on table 1: record it"):
+        RecordVectorReplay(make(opponent=["striker", pursue]), path, [0, 1])
+    with pytest.raises(ValueError, match="inside of ClipAction, which changes actions"):
+        RecordVectorReplay(gym.wrappers.vector.ClipAction(make()), path)
+    envs = RecordVectorReplay(make(opponent=["striker", "goalie", pursue, pursue]), path, [2])
+    envs.reset(seed=0)
+    actions = np.zeros((4, 2), np.float32)
+    envs.step(actions)
+    envs.unwrapped.set_opponents(1, tables=[2])
+    before = envs.unwrapped.get_state()
+    with pytest.raises(ValueError, match=r"which is an opponent from outside, and goalie plays on table 2: record it"):
+        envs.step(actions)
+    assert envs.unwrapped.get_state().tobytes() == before.tobytes()
+    envs.close()
+    assert len(list(play_back(path))) == 2
+    with pytest.raises(ValueError, match=r"^env must be an AirHockeyParallelEnv itself, got"):
+        RecordParallelReplay(AirHockeyEnv(), path)
+
+
 # The command
 
 
@@ -366,6 +499,14 @@ def test_a_video_of_a_replay(recorded, tmp_path, monkeypatch, capsys):
     for option, value in (("--opponent", "goalie"), ("--table", "ideal"), ("--seed", 1)):
         with pytest.raises(SystemExit, match=f"{option} does not go with a replay"):
             call(recorded, "--out", out, option, value)
+    two = RecordParallelReplay(AirHockeyParallelEnv(), tmp_path / "two.npz")
+    two.reset(seed=0)
+    for _ in range(25):
+        two.step({agent: np.ones(2, np.float32) for agent in AGENTS})
+    two.close()
+    call(tmp_path / "two.npz", "--out", out, "--width", 64, "--height", 32, "--fps", 10)
+    with Image.open(out) as video:
+        assert abs(video.n_frames - 5) <= 1
     dataclasses.replace(Replay.load(recorded), fingerprint="").save(tmp_path / "old.npz")
     with pytest.raises(SystemExit, match="was recorded with other dynamics"):
         call(tmp_path / "old.npz", "--out", out)

@@ -1,4 +1,4 @@
-"""Cameras: what they do to the observations, and that both wrappers do the same."""
+"""Cameras: what they do to the observations, and that all wrappers do the same."""
 
 from __future__ import annotations
 
@@ -16,11 +16,14 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import DelayObservation, FrameStackObservation, RescaleObservation
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
+from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMonitor, VecNormalize
 
 import airhockey_env  # noqa: F401
 from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv
+from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.sensing import ROBOT, Camera, CameraObservation, CameraVectorObservation, sense
 from airhockey_env.sensing.frames import SIGHT, draw_normal
+from airhockey_env.sensing.sb3 import CameraSB3Observation
 from tests.faces import COPIES, random_actions, same
 
 DOCS = Path(__file__).parents[1] / "docs" / "sensing.md"
@@ -350,7 +353,7 @@ def test_frames_are_never_lost_on_their_way(camera, control_hz):
     assert most < memory.queue.shape[1]
 
 
-# The same through both wrappers
+# The same through all wrappers
 
 
 def play_alone(cameras, seed, actions, arguments):
@@ -395,6 +398,59 @@ def test_rows_of_a_batch_are_single_tables(mode, cameras):
         expected = play_alone(cameras, 11 + i, played[i], arguments)
         assert sum(begins for _, begins in rows[i]) > 4
         assert same(rows[i], expected[: len(rows[i])])
+
+
+@pytest.mark.parametrize("arguments", [{"opponent": "random"}, {"randomize": {"length": (2.0, 2.6)}}], ids=str)
+@pytest.mark.parametrize("cameras", STACKS.values(), ids=STACKS)
+def test_stable_baselines_batch_is_the_same_step_batch(cameras, arguments):
+    n, arguments = 5, {"max_episode_steps": 40, **arguments}
+    envs = through(AirHockeyVectorEnv(n, autoreset_mode="SameStep", **arguments), cameras)
+    sb3 = through(AirHockeySB3VecEnv(n, **arguments), cameras)
+    ended = 0
+    for seed in (11, None):
+        if seed is not None:
+            sb3.seed(seed)
+        assert same(sb3.reset(), envs.reset(seed=seed)[0])
+        for actions in random_actions(1, 100, n):
+            seen, _, dones, infos = sb3.step(actions)
+            expected, _, terminated, truncated, details = envs.step(actions)
+            assert same((seen, dones), (expected, terminated | truncated))
+            for i in np.flatnonzero(dones):
+                assert same(infos[i]["terminal_observation"], details["final_obs"][i])
+                ended += 1
+    assert ended > n
+
+
+@pytest.mark.parametrize("copied", COPIES.values(), ids=COPIES)
+def test_copies_of_a_stable_baselines_batch_go_on_the_same(copied):
+    sb3 = through(AirHockeySB3VecEnv(4, max_episode_steps=25), [HEAVY, ROBOT])
+    sb3.seed(0)
+    sb3.reset()
+    for actions in random_actions(0, 60, 4):
+        sb3.step(actions)
+    other = copied(sb3)
+    for actions in random_actions(1, 60, 4):
+        assert same(other.step(actions), sb3.step(actions))
+
+
+def test_stable_baselines_wrappers_around_cameras_and_inside():
+    sb3 = VecFrameStack(sense(VecMonitor(AirHockeySB3VecEnv(3, max_episode_steps=9)), ROBOT), 4)
+    assert sb3.reset().shape == (3, 52)
+    for _ in range(9):
+        *_, infos = sb3.step(np.zeros((3, 2), np.float32))
+    assert [info["episode"]["l"] for info in infos] == [9, 9, 9]
+    assert infos[0]["terminal_observation"].shape == (52,)
+    assert isinstance(sb3.venv, CameraSB3Observation) and sb3.venv.camera == ROBOT
+    with pytest.raises(ValueError, match="inside of VecNormalize"):
+        sense(VecNormalize(AirHockeySB3VecEnv(3)), ROBOT)
+    with pytest.raises(ValueError, match="state observations"):
+        sense(AirHockeySB3VecEnv(3, obs_type="rgb"), ROBOT)
+    with pytest.raises(TypeError, match="AirHockeySB3VecEnv"):
+        sense(DummyVecEnv([AirHockeyEnv]), ROBOT)
+    fresh = sense(AirHockeySB3VecEnv(3), ROBOT)
+    fresh.venv.reset()
+    with pytest.raises(ResetNeeded, match="through the camera"):
+        fresh.step(np.zeros((3, 2)))
 
 
 def test_the_size_of_the_batch_does_not_matter():
@@ -582,7 +638,7 @@ def test_the_vector_wrapper_is_the_vector_wrapper():
 
 def test_examples_of_the_documentation():
     blocks = re.findall(r"^```python\n(.*?)^```", DOCS.read_text(), flags=re.MULTILINE | re.DOTALL)
-    assert len(blocks) == 4
+    assert len(blocks) == 5
     exec(compile("\n".join(blocks), str(DOCS), "exec"), {})
 
 

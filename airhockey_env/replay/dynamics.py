@@ -1,0 +1,88 @@
+"""What decides how a recorded game plays: its arguments, and a fingerprint of what comes of them."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from airhockey_env.game import REWARDS, Game
+from airhockey_env.physics import FIELDS
+from airhockey_env.records import AUTORESET_SAME_STEP, LEFT, PUCK, RIGHT
+from airhockey_env.spaces import DIRECTIONS
+from airhockey_env.tables import TableSpec
+from airhockey_env.tasks import TASKS
+
+ROLLOUT_TABLES, ROLLOUT_STEPS, ROLLOUT_LIMIT = 16, 150, 60
+"""The fingerprint's rollout: tables, steps on each, and steps that end an episode."""
+
+ROLLOUT_FIELDS = ("position", "velocity", "stream", "clock", "side", "done", "score", "plan", "wander", "potential")
+
+
+def arguments_of(game: Game, place: int = 0) -> dict[str, Any]:
+    """All that decides how a game on one table plays, ready for JSON.
+
+    Args:
+        game: the game.
+        place: of the table's opponent in the game's pool. One from outside is None.
+    """
+    settings = game.settings[0]
+    opponent = game.opponents[place] if game.opponents else None
+    return {
+        "task": next(name for name, task in TASKS.items() if task.number == settings["task"]),
+        "opponent": opponent if isinstance(opponent, str) else None,
+        "table": dataclasses.asdict(game.spec),
+        "continuous": game.continuous,
+        "reward": REWARDS[int(settings["shaped"])],
+        "control_hz": game.control_hz,
+        "randomize": {name: game.ranges[FIELDS.index(name)].tolist() for name in game.randomized} or None,
+        "points": int(settings["points"]),
+        "max_episode_steps": int(settings["max_steps"]) or None,
+    }
+
+
+def game_of(arguments: dict[str, Any], num_tables: int = 1, **changes: Any) -> Game:
+    """The game that `arguments_of` describes."""
+    table = TableSpec(**arguments["table"])
+    return Game(num_tables, **{**arguments, "table": table, "num_threads": 1, **changes})
+
+
+def play(game: Game, action: Any, other: NDArray[np.float32] | None) -> None:
+    """Play one step on the one table of a game.
+
+    Args:
+        game: the game.
+        action: of the left player, as a replay holds it.
+        other: (2,) likewise of a right player from outside.
+    """
+    targets = game.check_action(action if game.continuous else int(action))
+    game.step(targets, None if other is None else other[np.newaxis])
+
+
+def fingerprint(arguments: dict[str, Any]) -> str:
+    """A hash of how a game plays: of a short rollout from fixed seeds with fixed actions, on a few tables.
+
+    Raises:
+        ValueError, TypeError: not arguments of a game.
+    """
+    n = ROLLOUT_TABLES
+    changes = {"max_episode_steps": ROLLOUT_LIMIT, "autoreset": AUTORESET_SAME_STEP}
+    game = game_of(arguments, n, **changes)
+    game.seed(list(range(n)))
+    game.reset()
+    chases = np.arange(n)[:, np.newaxis] % 2 == 0
+    digest = hashlib.sha256()
+    for step in range(ROLLOUT_STEPS):
+        places = game.tables["position"]
+        direction = DIRECTIONS[(step // 8 + np.arange(n)) % len(DIRECTIONS)]
+        left = np.where(chases, 5.0 * (places[:, PUCK] - places[:, LEFT]), direction)
+        right = np.where(chases, 5.0 * (places[:, RIGHT] - places[:, PUCK]), direction)
+        others = right.astype(np.float32) if arguments["opponent"] is None else None
+        game.step(left.astype(np.float32), others)
+        for name in ROLLOUT_FIELDS:
+            digest.update(game.tables[name].tobytes())
+        digest.update(game.out.reward.tobytes())
+    return digest.hexdigest()[:32]

@@ -1,0 +1,116 @@
+"""The file that holds a replay."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from airhockey_env.files import replace
+from airhockey_env.spaces import DIRECTIONS
+
+FORMAT = 1
+"""Of the files."""
+
+_NOTES = ("version", "fingerprint", "id", "arguments", "seeds")
+_ARRAYS = ("starts", "states", "ends", "actions", "others")
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What a file holds; see the package's description for the arrays."""
+
+    version: str
+    fingerprint: str
+    id: str | None
+    arguments: dict[str, Any]
+    seeds: tuple[int | None, ...]
+    starts: NDArray[np.int64]
+    states: NDArray[np.void]
+    ends: NDArray[np.void]
+    actions: NDArray[Any]
+    others: NDArray[np.float32]
+    name: str = "the replay"
+    """What errors call it."""
+
+    def __len__(self) -> int:
+        """Number of actions."""
+        return len(self.actions)
+
+    @property
+    def control_hz(self) -> float:
+        """Actions a second."""
+        return float(self.arguments["control_hz"])
+
+    @property
+    def seconds(self) -> float:
+        """Of play."""
+        return len(self) / self.control_hz
+
+    def save(self, path: str | Path) -> None:
+        """Write an .npz file; a file that is there already is replaced at once or not at all."""
+        notes = {"format": FORMAT, **{name: getattr(self, name) for name in _NOTES}}
+        buffer = io.BytesIO()
+        arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
+        np.savez_compressed(buffer, replay=np.array(json.dumps(notes)), **arrays)
+        replace(path, lambda part: part.write_bytes(buffer.getvalue()))
+
+    @classmethod
+    def load(cls, path: str | Path) -> Replay:
+        """Read a file that `save` wrote. Whether its dynamics are this version's is for `play_back` to say.
+
+        Raises:
+            FileNotFoundError: there is no such file.
+            ValueError: the file does not hold a replay; the message names it.
+        """
+        try:
+            with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+                notes = json.loads(str(file["replay"]))
+                if notes["format"] != FORMAT:
+                    raise ValueError(f"it is of format {notes['format']!r}, and this version reads format {FORMAT}")
+                given = {**{name: notes[name] for name in _NOTES}, **{name: file[name] for name in _ARRAYS}}
+            replay = cls(**{**given, "seeds": tuple(given["seeds"])}, name=str(path))
+            replay._check()
+        except OSError as error:
+            if isinstance(error, FileNotFoundError):
+                raise
+            raise ValueError(f"{path} does not hold a replay: {error}") from error
+        except Exception as error:  # whatever a damaged file makes of it
+            raise ValueError(f"{path} does not hold a replay: {type(error).__name__}: {error}") from error
+        return replay
+
+    def _check(self) -> None:
+        """Whether the arrays fit together; a ValueError (or worse) if not."""
+        takes, steps = len(self.starts), len(self.actions)
+        shapes = self.starts.shape == self.states.shape == self.ends.shape == (len(self.seeds),)
+        if not shapes or not takes or self.starts.dtype != np.int64:
+            raise ValueError("there must be a start, a state, an end and a seed (or null) of each take, and some takes")
+        if self.starts[0] != 0 or (np.diff(self.starts) < 0).any() or self.starts[-1] > steps:
+            raise ValueError(f"starts must rise from 0 to at most {steps}, got {self.starts}")
+        if self.arguments["continuous"]:
+            good = self.actions.dtype == np.float32 and self.actions.shape == (steps, 2)
+            good = good and bool(np.isfinite(self.actions).all())
+        else:
+            good = self.actions.dtype == np.int8 and self.actions.ndim == 1
+            good = good and bool(((self.actions >= 0) & (self.actions < len(DIRECTIONS))).all())
+        others = steps if self.arguments["opponent"] is None else 0
+        good = good and self.others.dtype == np.float32 and self.others.shape == (others, 2)
+        if not good or not np.isfinite(self.others).all():
+            raise ValueError("the actions are not those of the arguments")
+        if not self.control_hz > 0.0:
+            raise ValueError(f"control_hz must be greater than 0, got {self.control_hz}")
+
+
+def is_replay(path: str | Path) -> bool:
+    """Whether a file looks like a replay (and not like a policy, say)."""
+    try:
+        with zipfile.ZipFile(Path(path)) as file:
+            return "replay.npy" in file.namelist()
+    except (OSError, zipfile.BadZipFile):
+        return False

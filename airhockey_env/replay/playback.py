@@ -1,0 +1,97 @@
+"""Playing a replay back: equal to the bit, or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from numbers import Real
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from airhockey_env.face import draw_row, make_renderer
+from airhockey_env.game import Game
+from airhockey_env.replay.dynamics import fingerprint, game_of, play
+from airhockey_env.replay.file import Replay
+from airhockey_env.version import __version__
+
+
+def play_back(replay: Replay | str | Path) -> Iterator[NDArray[np.void]]:
+    """The states of a replay: (1,) records as `AirHockeyEnv.get_state` returns, at each take's start and every step.
+
+    Args:
+        replay: or the file that holds one.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: the file holds no replay; or the dynamics are not those that it was recorded with. The latter is
+            told at once by the fingerprint or, at the latest, at the end of a take.
+    """
+    prepared, game = _prepared(replay)
+    return (game.get_state() for _ in _played(prepared, game))
+
+
+def play_back_frames(
+    replay: Replay | str | Path, *, size: tuple[int, int] | None = None, fps: float | None = None
+) -> Iterator[NDArray[np.uint8]]:
+    """Pictures of a replay, (height, width, 3) uint8.
+
+    Args:
+        replay: or the file that holds one.
+        size: (width, height) px, or None for the renderer's own.
+        fps: pictures for a second of play, at most the control rate; None for one of every state.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: as `play_back` has it; or size or fps are out of range.
+    """
+    prepared, game = _prepared(replay)
+    rate = prepared.control_hz
+    if fps is not None and not (isinstance(fps, Real) and 0.0 < fps <= rate):
+        raise ValueError(f"fps must be greater than 0 and at most the replay's {rate:g} Hz, got {fps!r}")
+    renderer = make_renderer(game.spec, size)
+
+    def frames() -> Iterator[NDArray[np.uint8]]:
+        shown, every = 0.0, 1.0 if fps is None else rate / fps
+        for number, _ in enumerate(_played(prepared, game)):
+            if number >= shown:
+                yield draw_row(renderer, game, 0)
+                shown += every
+
+    return frames()
+
+
+def _prepared(replay: Replay | str | Path) -> tuple[Replay, Game]:
+    """A replay, and a game that plays as the one that was recorded."""
+    if not isinstance(replay, Replay):
+        replay = Replay.load(replay)
+    try:
+        game = game_of(replay.arguments)
+        now = fingerprint(replay.arguments)
+    except (TypeError, ValueError, KeyError, AttributeError) as error:
+        raise ValueError(f"{replay.name} holds a game that this version does not have: {error}") from error
+    if now != replay.fingerprint:
+        raise ValueError(
+            f"{replay.name} was recorded with other dynamics, by version {replay.version} of airhockey-env (or on a "
+            f"machine that calculates differently), and would not play back the same in this version {__version__}"
+        )
+    dtype = game.get_state().dtype
+    if replay.states.dtype != dtype or replay.ends.dtype != dtype:
+        raise ValueError(f"{replay.name} holds states of another layout than those of this version {__version__}")
+    return replay, game
+
+
+def _played(replay: Replay, game: Game) -> Iterator[None]:
+    """Bring the game to the replay's states, one after the other."""
+    last = [*replay.starts[1:].tolist(), len(replay)]
+    for take, (start, stop) in enumerate(zip(replay.starts.tolist(), last, strict=True)):
+        game.set_state(replay.states[take : take + 1])
+        yield
+        for k in range(start, stop):
+            play(game, replay.actions[k], replay.others[k] if len(replay.others) else None)
+            yield
+        if game.get_state().tobytes() != replay.ends[take].tobytes():
+            raise ValueError(
+                f"{replay.name} has not played back the same from step {start} to {stop}: it was recorded with other "
+                f"dynamics, by version {replay.version} of airhockey-env, or is damaged"
+            )

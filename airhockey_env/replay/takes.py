@@ -1,0 +1,151 @@
+"""What the recording wrappers have in common: the takes of some tables, and the file that they are written to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from airhockey_env.game import Game
+from airhockey_env.opponents import EXTERNAL
+from airhockey_env.records import RIGHT
+from airhockey_env.replay.dynamics import arguments_of, fingerprint
+from airhockey_env.replay.file import Replay
+from airhockey_env.version import __version__
+
+
+class Takes:
+    """What was played on one table."""
+
+    def __init__(self) -> None:
+        self.seeds: list[int | None] = []
+        self.starts: list[int] = []
+        self.states: list[NDArray[np.void]] = []
+        self.ends: list[NDArray[np.void]] = []
+        self.actions: list[Any] = []
+        self.others: list[NDArray[np.float32]] = []
+
+    def begin(self, state: NDArray[np.void], seed: int | None = None) -> None:
+        """Begin a take, in place of the last one if nothing was played in that."""
+        if self.starts and self.starts[-1] == len(self.actions):
+            for takes in (self.seeds, self.starts, self.states, self.ends):
+                del takes[-1]
+        self.seeds.append(seed)
+        self.starts.append(len(self.actions))
+        self.states.append(state)
+        self.ends.append(state)
+
+    def add(
+        self, before: NDArray[np.void], action: Any, other: NDArray[np.float32] | None, after: NDArray[np.void]
+    ) -> None:
+        """Note a step; it begins a take if its state is not where the last one led to."""
+        if not self.ends or self.ends[-1].tobytes() != before.tobytes():
+            self.begin(before)
+        self.actions.append(action)
+        if other is not None:
+            self.others.append(np.array(other, np.float32))
+        self.ends[-1] = after
+
+
+class Recorder:
+    """The takes of some tables of a game, and the file."""
+
+    path: Path
+
+    def _record(self, game: Game, path: str | Path, tables: list[int], env_id: str | None = None) -> None:
+        """Get ready.
+
+        Raises:
+            ValueError: another suffix.
+            FileNotFoundError: there is no such folder.
+        """
+        self.path = Path(path)
+        if self.path.suffix != ".npz":
+            raise ValueError(f"path must end in .npz, got {self.path.name!r}")
+        if not self.path.parent.is_dir():
+            raise FileNotFoundError(f"path must lie in a folder that exists, got {self.path}")
+        self._game = game
+        self._id = env_id
+        self._arguments = arguments_of(game, int(game.tables["opponent"][tables[0]]))  # of now: a pool may change
+        self._takes = {table: Takes() for table in tables}
+        self._saved = -1
+
+    def replay(self) -> Replay:
+        """What was recorded so far.
+
+        Raises:
+            ValueError: nothing was.
+        """
+        played = [takes for takes in self._takes.values() if takes.starts]
+        if not played:
+            raise ValueError("there is nothing to replay yet: reset first")
+        before = np.cumsum([0, *(len(takes.actions) for takes in played)])
+        continuous = self._game.continuous
+        return Replay(
+            version=__version__,
+            fingerprint=fingerprint(self._arguments),
+            id=self._id,
+            arguments=self._arguments,
+            seeds=tuple(seed for takes in played for seed in takes.seeds),
+            starts=np.concatenate([np.array(t.starts, np.int64) + n for t, n in zip(played, before, strict=False)]),
+            states=np.concatenate([state for takes in played for state in takes.states]),
+            ends=np.concatenate([state for takes in played for state in takes.ends]),
+            actions=np.array(
+                [action for takes in played for action in takes.actions], np.float32 if continuous else np.int8
+            ).reshape((-1, 2) if continuous else (-1,)),
+            others=np.array([other for takes in played for other in takes.others], np.float32).reshape(-1, 2),
+        )
+
+    def save(self) -> None:
+        """Write the file.
+
+        Raises:
+            ValueError: nothing was recorded yet.
+        """
+        self.replay().save(self.path)
+        self._saved = self._steps()
+
+    def _steps(self) -> int:
+        return sum(len(takes.actions) for takes in self._takes.values())
+
+    def _save_now_and_then(self) -> None:
+        """Write the file if a quarter more has been played than it holds."""
+        if self._steps() > 1.25 * self._saved:
+            self.save()
+
+    def _save_the_rest(self) -> None:
+        """Write the file, if there is anything to write that is not in it."""
+        if any(takes.starts for takes in self._takes.values()) and self._saved != self._steps():
+            self.save()
+
+    def _state(self, table: int) -> NDArray[np.void]:
+        """The state of a table, (1,), as it would be in a game of its own."""
+        state = self._game.get_state([table])
+        own = state["table"] if self._game.randomized else state
+        own["opponent"] = 0
+        if own["player"][0, RIGHT] != EXTERNAL:  # nobody asks for its potential there
+            own["potential"][:, RIGHT] = 0.0
+        return state
+
+    def _action(self, action: Any) -> Any:
+        """A left player's action, as a replay holds it."""
+        return np.array(action, np.float64).clip(-1.0, 1.0) if self._game.continuous else int(action)
+
+
+def check_played(before: NDArray[np.void], after: NDArray[np.void], who: str) -> bool:
+    """Whether a step led from one state to the other; if not, the table is new or as it was.
+
+    Raises:
+        ValueError: more than one step did.
+    """
+    played = steps_of(after) - steps_of(before)
+    if played not in (0, 1) and steps_of(after) != 0:
+        raise ValueError(f"{who} must be put inside of wrappers that play {played} steps for one action")
+    return played == 1
+
+
+def steps_of(state: NDArray[np.void]) -> int:
+    """Steps of the episode so far."""
+    return int((state["table"] if "table" in (state.dtype.names or ()) else state)["steps"][0])
