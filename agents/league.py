@@ -8,17 +8,17 @@ learns on the left and its opponents play on the right.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from stable_baselines3.common.callbacks import BaseCallback
 
-from agents.course import Course
 from agents.files import read_json, write_json
 from agents.models import export_policy
 from airhockey_env.game import Opponent
-from airhockey_env.opponents import SCRIPTED
 from airhockey_env.policy import MlpPolicy
 
 WINDOW = 400
@@ -51,11 +51,10 @@ class Member:
         return max((1.0 - self.won) ** 2, LEAST_PRIORITY)
 
 
-class League(Course):
+class League(BaseCallback):
     """Draws an opponent for every episode, and takes in a copy of the agent every so often.
 
     Args:
-        warmup, warmup_steps: as in `Course`.
         scripted: names of scripted opponents.
         latest_share: of episodes against the agent as it is now.
         snapshot_every: steps between copies.
@@ -65,56 +64,56 @@ class League(Course):
 
     def __init__(
         self,
-        warmup: tuple[str, ...],
-        warmup_steps: int,
-        scripted: tuple[str, ...],
+        scripted: Sequence[str],
         *,
         latest_share: float,
         snapshot_every: int,
         most_past_selves: int,
         seed: int,
     ) -> None:
-        # The latest self has a place from the start, with someone in it who is replaced before he plays.
-        super().__init__(warmup, warmup_steps, ("idle", *scripted))
+        super().__init__()
         self.members = [Member(LATEST), *(Member(name) for name in scripted)]
-        self.first = len(warmup)  # place of the first member in the pool
+        self.scripted = tuple(scripted)
         self.past: dict[int, MlpPolicy] = {}  # past selves by their number among the members
         self.latest_share = latest_share
         self.snapshot_every = snapshot_every
         self.most_past_selves = most_past_selves
-        self.due = warmup_steps
+        self.due = 0  # the next copy, in steps
         self.random = np.random.default_rng(seed)
+
+    @property
+    def pool(self) -> tuple[Opponent, ...]:
+        """The environment's pool of opponents: the members, in their order."""
+        # The latest self's place is somebody's who is replaced before he plays.
+        return ("idle", *self.scripted, *(self.past[number] for number in sorted(self.past)))
 
     def draw(self, number: int) -> np.ndarray:
         """(number,) places in the pool of opponents for that many episodes."""
         priorities = np.array([member.priority for member in self.members[1:]])
         shares = np.append(self.latest_share, (1.0 - self.latest_share) * priorities / priorities.sum())
-        return self.first + self.random.choice(len(self.members), number, p=shares)
+        return self.random.choice(len(self.members), number, p=shares)
 
-    def places(self) -> np.ndarray:
-        return super().places() if self.warming_up else self.draw(self.training_env.num_envs)
+    def _on_training_start(self) -> None:
+        self.training_env.env_method("set_opponents", self.draw(self.training_env.num_envs))
 
     def _on_rollout_start(self) -> None:
-        if not self.warming_up:
-            latest = export_policy(self.model)
-            self.training_env.env_method("set_opponent", self.first, latest)
-            if self.num_timesteps >= self.due:
-                self.due = self.num_timesteps + self.snapshot_every
-                self.take_in(f"self at {self.num_timesteps}", latest)
-            self.logger.record("league/drawn", float(np.mean([member.drawn for member in self.members])))
-        super()._on_rollout_start()
+        latest = export_policy(self.model)
+        self.training_env.env_method("set_opponent", 0, latest)
+        if self.num_timesteps >= self.due:
+            self.due = self.num_timesteps + self.snapshot_every
+            self.take_in(f"self at {self.num_timesteps}", latest)
+        self.logger.record("league/drawn", float(np.mean([member.drawn for member in self.members])))
+        self.logger.record("league/won", float(np.mean([member.won for member in self.members])))
 
     def _on_step(self) -> bool:
         rows = np.flatnonzero(self.locals["dones"])
-        if self.warming_up or not len(rows):
-            return True
-        seated = self.training_env.get_attr("opponent_indices", 0)[0][rows] - self.first
-        for row, number in zip(rows, seated, strict=True):
-            info = self.locals["infos"][row]
-            if number >= 0:  # not of the warm-up
+        if len(rows):
+            numbers = self.training_env.get_attr("opponent_indices", 0)[0][rows]
+            for row, number in zip(rows, numbers, strict=True):
+                info = self.locals["infos"][row]
                 drawn = info["TimeLimit.truncated"]
                 self.members[number].record(0.5 if drawn else float(info["is_success"]), float(drawn))
-        self.training_env.env_method("set_opponents", self.draw(len(rows)), rows)
+            self.training_env.env_method("set_opponents", self.draw(len(rows)), rows)
         return True
 
     def take_in(self, name: str, policy: MlpPolicy) -> None:
@@ -126,12 +125,8 @@ class League(Course):
         else:
             number = max(self.past, key=lambda k: self.members[k].won)
             self.members[number] = Member(name)
-            self.training_env.env_method("set_opponent", self.first + number, policy)
+            self.training_env.env_method("set_opponent", number, policy)
         self.past[number] = policy
-
-    def whom(self) -> str:
-        names = ", ".join(member.name for member in self.members if member.name in SCRIPTED)
-        return f"past selves, {names}"
 
     def save(self, folder: Path) -> None:
         """Write the members, their records and the past selves' policies."""
@@ -159,5 +154,3 @@ class League(Course):
         except (TypeError, KeyError, AttributeError) as error:
             raise ValueError(f"{folder / 'league.json'} does not hold a league: {error}") from error
         self.past = {k: MlpPolicy.load(folder / "league" / file) for k, file in enumerate(files) if file}
-        selves: list[Opponent] = [self.past[k] for k in sorted(self.past)]
-        self.opponents = (*self.opponents, *selves)

@@ -14,15 +14,16 @@ from stable_baselines3.common.callbacks import BaseCallback, CallbackList, Progr
 from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.checks import check_ranges
-from agents.course import Course
-from agents.evaluation import MAX_EPISODE_STEPS, OPPONENTS, play_points
+from agents.evaluation import OPPONENTS, play_points
 from agents.features import RelativeFeatures
 from agents.files import read_json, write_json
+from agents.league import League
 from agents.models import export_policy, load_ppo
 from agents.runs import Clock, Records, RunFolder, logger, save
 from airhockey_env.game import Opponent
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import PRESETS
+from airhockey_env.tasks import TASKS
 
 
 @dataclass(frozen=True)
@@ -34,15 +35,13 @@ class TrainArgs:
     resume: str | None = None
     """Go on with this run (its folder, or its name under runs/), with its own arguments, to --steps in all."""
     steps: int | None = None
-    """Environment steps in all. Default: 20 million, or with --resume what the run was to have."""
+    """Environment steps in all. Default: 24 million, or with --resume what the run was to have."""
     seed: int = 0
     """Of the network, the actions and the tables."""
     opponents: tuple[str, ...] = ("striker",)
     """Whom to play against, on as many tables each; name one twice to meet it twice as often."""
-    warmup_opponents: tuple[str, ...] = ("idle",)
-    """Whom to play against at first. An agent that begins against who defends learns to wait, not to attack."""
     warmup_steps: int = 4_000_000
-    """How long."""
+    """Of shooting practice (the task "hit") at first. Without it, agents learn to defend and to wait, not to shoot."""
     opponent: str = "striker"
     """Whom evaluations while training are against."""
     reward: str = "shaped"
@@ -55,7 +54,7 @@ class TrainArgs:
     """Steps on each table between updates."""
     batch_size: int = 2048
     """Samples of a gradient step."""
-    n_epochs: int = 4
+    n_epochs: int = 3
     """Passes over the samples of an update."""
     learning_rate: float = 7e-4
     """At the start; falls linearly to a fiftieth of it."""
@@ -80,12 +79,12 @@ class TrainArgs:
     video_seconds: float = 20.0
     """Length of the video of the trained agent; 0 for none."""
 
-    default_steps = 20_000_000
+    default_steps = 24_000_000
     command = "train_ppo"
 
-    def course(self) -> Course:
-        """Whom the tables play against, and when."""
-        return Course(self.warmup_opponents, self.warmup_steps, self.opponents)
+    def league(self) -> League | None:
+        """Who chooses the opponents: nobody, they are on as many tables each."""
+        return None
 
     def check(self) -> None:
         """Refuse what no run can have, before anything is written.
@@ -95,10 +94,8 @@ class TrainArgs:
         """
         if self.opponent not in OPPONENTS:
             raise ValueError(f"opponent must be one of {OPPONENTS}, got {self.opponent!r}")
-        for name in ("opponents", "warmup_opponents"):
-            given = getattr(self, name)
-            if not given or not set(given) <= set(OPPONENTS):
-                raise ValueError(f"--{name.replace('_', '-')} must be some of {OPPONENTS}, got {given!r}")
+        if not self.opponents or not set(self.opponents) <= set(OPPONENTS):
+            raise ValueError(f"--opponents must be some of {OPPONENTS}, got {self.opponents!r}")
         most = math.inf
         check_ranges(
             self, steps=(1, most), seed=(0, 2**31 - 1), warmup_steps=(0, most), num_envs=(1, most), n_steps=(2, most),
@@ -112,10 +109,10 @@ class _Watch(BaseCallback):
     """Evaluates and saves while training."""
 
     def __init__(
-        self, folder: RunFolder, args: TrainArgs, course: Course, history: dict[str, Any], clock: Clock
+        self, folder: RunFolder, args: TrainArgs, league: League | None, history: dict[str, Any], clock: Clock
     ) -> None:
         super().__init__()
-        self.course = course
+        self.league = league
         self.folder = folder
         self.args = args
         self.history = history
@@ -141,18 +138,20 @@ class _Watch(BaseCallback):
             self.logger.record(f"eval/{name}", row[name])
         self.logger.record("eval/draw_rate", row["draws"] / row["points"])
         save(self.folder, self.model, self.history)
-        self.course.save(self.folder.path)
+        if self.league is not None:
+            self.league.save(self.folder.path)
 
 
-def make_env(args: TrainArgs, pool: Sequence[Opponent]) -> VecMonitor:
-    """The tables to train on, and who may play on them."""
+def make_env(args: TrainArgs, task: str = "point", opponents: Sequence[Opponent] | None = None) -> VecMonitor:
+    """The tables to train on; the pool of opponents is that of the arguments if none is given."""
     return VecMonitor(
         AirHockeySB3VecEnv(
             args.num_envs,
-            opponent=pool,
+            task=task,
+            opponent=args.opponents if opponents is None else opponents,
             reward=args.reward,
             table=args.table,
-            max_episode_steps=MAX_EPISODE_STEPS,
+            max_episode_steps=TASKS[task].max_episode_steps,
         )
     )
 
@@ -172,6 +171,7 @@ def make_model(args: TrainArgs, env: VecMonitor) -> PPO:
         ent_coef=args.ent_coef,
         policy_kwargs={
             "net_arch": [args.net_width, args.net_width],
+            "activation_fn": torch.nn.ReLU,  # half the time of tanh
             "features_extractor_class": RelativeFeatures,
             "features_extractor_kwargs": {"spec": PRESETS[args.table]},
         },
@@ -197,17 +197,15 @@ def train(args: TrainArgs) -> RunFolder:
         ValueError, FileExistsError, FileNotFoundError: an argument does not fit; nothing has been written then.
     """
     args.check()
-    if args.steps is None and args.resume is None:
-        args = dataclasses.replace(args, steps=args.default_steps)
     torch.set_num_threads(args.threads)
     if args.resume is None:
-        course = args.course()
-        env = make_env(args, course.pool)
-        model = make_model(args, env)
+        args = dataclasses.replace(args, steps=args.steps or args.default_steps)
+        model, league = make_model(args, make_env(args)), args.league()
         folder = RunFolder.create(args.name)
         history: dict[str, Any] = {"evaluations": [], "updates": [], "report": []}
         save(folder, model, history)
-        course.save(folder.path)
+        if league is not None:
+            league.save(folder.path)
         write_json(folder.config, dataclasses.asdict(args))  # last: what has it can be resumed
     else:
         folder = RunFolder.open(args.resume)
@@ -218,29 +216,51 @@ def train(args: TrainArgs) -> RunFolder:
         except (TypeError, KeyError) as error:
             raise ValueError(f"{folder.path} cannot be resumed, its files do not fit: {error}") from error
         args.check()
-        course = args.course()
-        course.load(folder.path)
-        env = make_env(args, course.pool)
-        model = load_ppo(folder.model, env)
-        env.seed(args.seed + model.num_timesteps)  # other serves than the ones that were played
-    left = (args.steps or args.default_steps) - model.num_timesteps
+        model, league = load_ppo(folder.model, make_env(args)), args.league()
+        if league is not None:
+            league.load(folder.path)
     clock = Clock(history["updates"][-1]["seconds"] if history["updates"] else 0.0)
-    watch = _Watch(folder, args, course, history, clock)
     model.set_logger(logger(folder, Records(history["updates"], clock)))
-    print(f"{folder.path}: {max(left, 0):,} steps against {course.whom()}. Ctrl-C stops early and keeps everything.")
+    watch = _Watch(folder, args, league, history, clock)
+    steps = args.steps or args.default_steps
+    whom = " and ".join(args.opponents) + ("" if league is None else " and its past selves")
+    print(f"{folder.path}: {steps:,} steps against {whom}. Ctrl-C stops early and keeps everything.")
     bar = ProgressBarCallback()
     try:
-        if left > 0:
-            model.learn(left, callback=CallbackList([course, watch, bar]), reset_num_timesteps=args.resume is None)
+        if model.num_timesteps < min(args.warmup_steps, steps):
+            _learn(model, args, make_env(args, "hit", ["idle"]), [_Until(args.warmup_steps), watch, bar])
+        if model.num_timesteps < steps:
+            opponents, callbacks = (None, []) if league is None else (league.pool, [league])
+            _learn(model, args, make_env(args, "point", opponents), [*callbacks, watch, bar])
     except KeyboardInterrupt:
         if hasattr(bar, "pbar"):
             bar.pbar.close()  # or it would go on drawing over the report
         print(f"\nStopped. Go on with: python -m scripts.{args.command} --resume {folder.path}")
     save(folder, model, history)
-    course.save(folder.path)
+    if league is not None:
+        league.save(folder.path)
     report(folder, args, history)
-    env.close()
     return folder
+
+
+class _Until(BaseCallback):
+    """Ends the warm-up."""
+
+    def __init__(self, steps: int) -> None:
+        super().__init__()
+        self.steps = steps
+
+    def _on_step(self) -> bool:
+        return self.num_timesteps < self.steps
+
+
+def _learn(model: PPO, args: TrainArgs, env: VecMonitor, callbacks: list[BaseCallback]) -> None:
+    """Train in an environment to the end of the run, or until a callback ends it."""
+    env.seed(args.seed + model.num_timesteps)  # in a resumed run, other tables than those that were played
+    model.set_env(env)
+    left = (args.steps or args.default_steps) - model.num_timesteps
+    model.learn(left, callback=CallbackList(callbacks), reset_num_timesteps=model.num_timesteps == 0)
+    env.close()
 
 
 def report(folder: RunFolder, args: TrainArgs, history: dict[str, Any]) -> None:

@@ -34,10 +34,8 @@ class SelfPlayArgs(TrainArgs):
         super().check()
         check_ranges(self, latest_share=(0, 1), snapshot_every=(1, math.inf), most_past_selves=(1, 1000))
 
-    def course(self) -> League:
+    def league(self) -> League:
         return League(
-            self.warmup_opponents,
-            self.warmup_steps,
             self.opponents,
             latest_share=self.latest_share,
             snapshot_every=self.snapshot_every,

@@ -147,7 +147,7 @@ def measure_training() -> float:
 
     args = TrainArgs()
     torch.set_num_threads(args.threads)
-    env = make_env(args, args.opponents)
+    env = make_env(args)
     model = make_model(args, env)
     update = args.num_envs * args.n_steps
     model.learn(4 * update)

@@ -274,7 +274,7 @@ class TestStableBaselines3:
     def model(self):
         import torch
 
-        model = make_model(SMALL, make_env(SMALL, SMALL.opponents))
+        model = make_model(SMALL, make_env(SMALL))
         with torch.no_grad():  # an untrained network hardly moves
             for weights in model.policy.parameters():
                 weights.add_(0.3 * torch.randn(weights.shape, generator=torch.Generator().manual_seed(1)))

@@ -1,4 +1,4 @@
-"""Courses and leagues: whom an agent meets while it trains, and what a resumed run takes up."""
+"""Self-play: whom an agent meets in a league while it trains, and what a resumed run takes up."""
 
 from __future__ import annotations
 
@@ -9,42 +9,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.course import Course
 from agents.league import LATEST, LEAST_PRIORITY, League, Member
-from agents.ppo import TrainArgs, make_env, make_model
+from agents.ppo import make_env, make_model
 from agents.self_play import SelfPlayArgs
 
-SMALL = {"num_envs": 6, "n_steps": 8, "batch_size": 16, "net_width": 8}
 UPDATE = 6 * 8
+ARGS = SelfPlayArgs(
+    num_envs=6,
+    n_steps=8,
+    batch_size=16,
+    net_width=8,
+    opponents=("striker", "idle"),
+    snapshot_every=UPDATE,
+    most_past_selves=2,
+)
 
 
-def learn(args: TrainArgs, steps: int, course: Course | None = None) -> Course:
-    course = args.course() if course is None else course
-    make_model(args, make_env(args, course.pool)).learn(steps, callback=course)
-    return course
-
-
-def indices(course: Course) -> np.ndarray:
-    return course.training_env.get_attr("opponent_indices", 0)[0]
-
-
-class TestCourse:
-    def test_the_warm_up_comes_first(self) -> None:
-        args = TrainArgs(
-            **SMALL,
-            warmup_opponents=("idle", "random"),
-            warmup_steps=2 * UPDATE,
-            opponents=("striker", "goalie", "striker"),
-        )
-        course = learn(args, 2 * UPDATE)
-        assert indices(course).tolist() == [0, 1, 0, 1, 0, 1]
-        course = learn(args, 3 * UPDATE)
-        assert indices(course).tolist() == [2, 3, 4, 2, 3, 4]
-        assert [course.pool[k] for k in indices(course)] == ["striker", "goalie", "striker"] * 2
-
-    def test_without_a_warm_up(self) -> None:
-        course = learn(TrainArgs(**SMALL, warmup_steps=0), UPDATE)
-        assert {course.pool[k] for k in indices(course)} == {"striker"}
+def learn(steps: int, args: SelfPlayArgs = ARGS) -> League:
+    league = args.league()
+    make_model(args, make_env(args, opponents=league.pool)).learn(steps, callback=league)
+    return league
 
 
 class TestMember:
@@ -69,72 +53,69 @@ class TestMember:
 
 
 class TestLeague:
-    ARGS = SelfPlayArgs(
-        **SMALL, warmup_steps=UPDATE, opponents=("striker", "idle"), snapshot_every=UPDATE, most_past_selves=2
-    )
-
     def test_draws_follow_the_priorities(self) -> None:
-        league = self.ARGS.course()
+        league = ARGS.league()
         league.members[1].won, league.members[2].won = 0.5, 0.0  # priorities 1/4 and 1
-        drawn = np.bincount(league.draw(20_000), minlength=4) / 20_000
-        np.testing.assert_allclose(drawn, [0.0, 0.3, 0.7 / 5, 0.7 * 4 / 5], atol=0.02)
+        drawn = np.bincount(league.draw(20_000), minlength=3) / 20_000
+        np.testing.assert_allclose(drawn, [0.3, 0.7 / 5, 0.7 * 4 / 5], atol=0.02)
 
     def test_past_selves_join_and_the_weakest_leaves(self) -> None:
-        league = learn(self.ARGS, 6 * UPDATE)
-        assert isinstance(league, League)
+        league = learn(6 * UPDATE)
         assert [member.name for member in league.members[:3]] == [LATEST, "striker", "idle"]
         assert len(league.members) == 5
         assert sorted(league.past) == [3, 4]
         pool = league.training_env.get_attr("opponents", 0)[0]
-        assert pool[0] == pool[3] == "idle"
-        assert pool[2] == "striker"
-        assert [pool[4], pool[5]] == [league.past[3], league.past[4]]
+        assert pool[1:3] == ("striker", "idle")
+        assert pool[3:] == (league.past[3], league.past[4])
         names = {league.members[k].name for k in league.past}
         assert f"self at {5 * UPDATE}" in names, "the newest one"
-        assert f"self at {UPDATE}" not in names, "the weakest, or the first among equals"
+        assert "self at 0" not in names, "the weakest, or the first among equals"
+
+    def test_the_latest_self_is_the_agent(self) -> None:
+        league = learn(3 * UPDATE)
+        latest = league.training_env.get_attr("opponents", 0)[0][0]
+        newest = next(k for k in league.past if league.members[k].name == f"self at {2 * UPDATE}")
+        seen = np.random.default_rng(0).uniform(-1.0, 1.0, (5, 13)).astype(np.float32)
+        np.testing.assert_array_equal(latest(seen), league.past[newest](seen))
 
     def test_points_are_counted_for_who_played_them(self) -> None:
-        args = dataclasses.replace(self.ARGS, opponents=("striker",), latest_share=0.0, snapshot_every=10**9)
-        league = args.course()
-        learn(args, 60 * UPDATE, league)
-        latest, striker, past = league.members
+        args = dataclasses.replace(ARGS, opponents=("striker",), latest_share=0.0, snapshot_every=10**9)
+        latest, striker, past = learn(60 * UPDATE, args).members
         assert latest.points == 0
         assert striker.points > 0
         assert striker.won < 0.5, "untrained, it loses to the striker"
         assert 0.0 <= past.won <= 1.0
 
     def test_save_and_load(self, tmp_path: Path) -> None:
-        league = learn(self.ARGS, 6 * UPDATE)
+        league = learn(6 * UPDATE)
         league.save(tmp_path)
         league.save(tmp_path)
         assert len(list((tmp_path / "league").iterdir())) == 2
-        loaded = self.ARGS.course()
+        loaded = ARGS.league()
         loaded.load(tmp_path)
         assert loaded.members == league.members
         assert loaded.due == league.due
-        assert len(loaded.pool) == 6
         seen = np.random.default_rng(0).uniform(-1.0, 1.0, (5, 13)).astype(np.float32)
         for number, policy in league.past.items():
             np.testing.assert_array_equal(loaded.past[number](seen), policy(seen))
-            np.testing.assert_array_equal(loaded.pool[loaded.first + number](seen), policy(seen))
+            np.testing.assert_array_equal(loaded.pool[number](seen), policy(seen))
 
     @pytest.mark.parametrize("damage", ["", "{}", "[]", '{"due": 0, "members": [{"file": null}]}', '{"members": 3}'])
     def test_damaged_files(self, damage: str, tmp_path: Path) -> None:
-        league = self.ARGS.course()
+        league = ARGS.league()
         league.save(tmp_path)
         (tmp_path / "league.json").write_text(damage)
         with pytest.raises(ValueError, match=r"league\.json"):
             league.load(tmp_path)
 
     def test_a_past_self_that_is_missing(self, tmp_path: Path) -> None:
-        league = learn(self.ARGS, 3 * UPDATE)
+        league = learn(3 * UPDATE)
         league.save(tmp_path)
         next((tmp_path / "league").iterdir()).unlink()
         with pytest.raises(FileNotFoundError):
-            self.ARGS.course().load(tmp_path)
+            ARGS.league().load(tmp_path)
 
     def test_the_file_is_json(self, tmp_path: Path) -> None:
-        self.ARGS.course().save(tmp_path)
-        assert [row["name"] for row in json.loads((tmp_path / "league.json").read_text())["members"]] == [
-            LATEST, "striker", "idle",
-        ]  # fmt: skip
+        ARGS.league().save(tmp_path)
+        members = json.loads((tmp_path / "league.json").read_text())["members"]
+        assert [row["name"] for row in members] == [LATEST, "striker", "idle"]
