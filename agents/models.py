@@ -57,6 +57,12 @@ def load_player(model: str) -> MlpPolicy | str:
         raise ValueError(f"{path} does not hold a PPO model of this environment: {error}") from error
 
 
+def short_name(model: str) -> str:
+    """What tables and plots call a MODEL: an opponent's name, the run's folder, or a file's name."""
+    path = Path(model)
+    return path.parent.name if path.name in ("policy.npz", "model.zip") and path.parent.name else path.name or model
+
+
 def load_ppo(path: Path, env: Any = None) -> Any:
     """A Stable-Baselines3 PPO model. Its file holds pickles, which can run code: open only files you trust.
 
