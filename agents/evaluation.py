@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from airhockey_env.game import Game
+from airhockey_env.game import NAMES, Game
 from airhockey_env.records import AUTORESET_NEXT_STEP, LEFT, RIGHT
 from airhockey_env.tasks import TASKS
 
@@ -20,7 +20,7 @@ Watch = Callable[[Game, int], Callable[[NDArray[np.bool_]], None]]
 """What looks on: called with a game that is about to begin and the side (LEFT or RIGHT) of the player in question; what
 it returns is called after every step, with the mask (N,) of the tables that played it."""
 
-OPPONENTS = ("idle", "random", "goalie", "striker")
+OPPONENTS = NAMES
 """Those that every report plays against, weakest first."""
 
 SOLO_TASKS = ("hit", "defend")
