@@ -10,19 +10,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from airhockey_env.game import Game
-from airhockey_env.records import AUTORESET_NEXT_STEP
+from airhockey_env.game import NAMES, Game
+from airhockey_env.records import AUTORESET_NEXT_STEP, LEFT, RIGHT
 from airhockey_env.tasks import TASKS
 
 Policy = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 
-OPPONENTS = ("idle", "random", "goalie", "striker")
+Watch = Callable[[Game, int], Callable[[NDArray[np.bool_]], None]]
+"""What looks on: called with a game that is about to begin and the side (LEFT or RIGHT) of the player in question; what
+it returns is called after every step, with the mask (N,) of the tables that played it."""
+
+OPPONENTS = NAMES
 """Those that every report plays against, weakest first."""
 
 SOLO_TASKS = ("hit", "defend")
 """Tasks without an opponent, in which an episode succeeds or fails."""
 
-MAX_EPISODE_STEPS = 1500
+CONTROL_HZ, MAX_EPISODE_STEPS = 50, 1500
 """Of the registered environment."""
 
 TABLES_AT_ONCE = 4096
@@ -113,25 +117,30 @@ def wilson_interval(successes: int, trials: int, z: float = 1.959963984540054) -
 
 def play_points(
     policy: Policy | str,
-    opponent: str,
+    opponent: Policy | str,
     points: int,
     *,
+    name: str | None = None,
     seed: int = 0,
     opponent_skill: float = 1.0,
     table: str = "full_size",
-    control_hz: float = 50,
+    control_hz: float = CONTROL_HZ,
     max_episode_steps: int = MAX_EPISODE_STEPS,
+    watch: Watch | None = None,
 ) -> Result:
-    """Play points against a scripted opponent: half of them on the left, half on the right side of the table.
+    """Play points against an opponent: half of them on the left, half on the right side of the table.
 
     Every point is played to its end on a table of its own, so that short points are not counted more often. If it
     takes long, a progress bar shows.
 
     Args:
         policy: a callable from float32 observations (N, 13) to actions (N, 2), or a scripted opponent's name.
-        opponent: a scripted opponent's name.
+        opponent: likewise.
         points: how many; rounded up to an even number.
+        name: the opponent's, in the result; by default that of a scripted one.
         seed: of the tables.
+        opponent_skill: of a scripted opponent.
+        watch: looks on.
 
     Raises:
         ValueError: an argument is out of range.
@@ -140,43 +149,54 @@ def play_points(
 
     if points < 1:
         raise ValueError(f"points must be 1 or more, got {points}")
-    named = policy if isinstance(policy, str) else None
-    asked = None if isinstance(policy, str) else policy
+    if name is None:
+        name = opponent if isinstance(opponent, str) else "a policy"
     half = (points + 1) // 2
     wins = losses = draws = steps = 0
-    with tqdm(total=2 * half, unit="point", desc=f"against {opponent}", delay=2.0, leave=False, disable=None) as bar:
+    with tqdm(total=2 * half, unit="point", desc=f"against {name}", delay=2.0, leave=False, disable=None) as bar:
         for first in range(0, half, TABLES_AT_ONCE):
             rows = range(first, min(half, first + TABLES_AT_ONCE))
-            common: dict[str, Any] = {
-                "table": table,
-                "control_hz": control_hz,
-                "max_episode_steps": max_episode_steps,
-                "autoreset": AUTORESET_NEXT_STEP,
-            }
-            left = Game(len(rows), player=named, opponent=opponent, opponent_skill=opponent_skill, **common)
-            right = Game(len(rows), player=opponent, opponent=named, **common)
-            right.tables["skill"][:, 0] = opponent_skill
             still = np.zeros((len(rows), 2), np.float32)
-            for game, own in ((left, 0), (right, 1)):
+            for own, left, right in ((LEFT, policy, opponent), (RIGHT, opponent, policy)):
+                game = Game(
+                    len(rows),
+                    player=left if isinstance(left, str) else None,
+                    opponent=right,
+                    opponent_skill=opponent_skill,
+                    table=table,
+                    control_hz=control_hz,
+                    max_episode_steps=max_episode_steps,
+                    autoreset=AUTORESET_NEXT_STEP,
+                )
+                game.tables["skill"][:, own], game.tables["skill"][:, 1 - own] = 1.0, opponent_skill
                 game.seed([seed * 1_000_003 + 2 * k + own for k in rows])
                 game.reset()
+                note = watch(game, own) if watch is not None else None
                 running = np.ones(len(rows), np.bool_)
                 while running.any():
-                    seen = game.out.observation if own == 0 else game.out.other_observation
-                    actions = still if asked is None else game.check_actions(asked(seen))
-                    game.step(actions if own == 0 else still, actions if own == 1 else still)
+                    game.step(still if isinstance(left, str) else game.check_actions(left(game.out.observation)))
+                    if note is not None:
+                        note(running)
                     ended = running & (game.out.terminated | game.out.truncated)
-                    won = game.out.terminated & ((game.out.reward > 0.0) == (own == 0))
+                    won = game.out.terminated & ((game.out.reward > 0.0) == (own == LEFT))
                     steps += int(running.sum())
                     wins += int((ended & won).sum())
                     losses += int((ended & game.out.terminated & ~won).sum())
                     draws += int((ended & ~game.out.terminated).sum())
                     running &= ~ended
                     bar.update(int(ended.sum()))
-    return Result(opponent, wins, losses, draws, steps / (2 * half) / control_hz)
+    return Result(name, wins, losses, draws, steps / (2 * half) / control_hz)
 
 
-def play_task(policy: Policy | str, task: str, episodes: int, *, seed: int = 0, table: str = "full_size") -> TaskResult:
+def play_task(
+    policy: Policy | str,
+    task: str,
+    episodes: int,
+    *,
+    seed: int = 0,
+    table: str = "full_size",
+    watch: Watch | None = None,
+) -> TaskResult:
     """Play episodes of a task without an opponent, as its registered environment has them (at 50 Hz).
 
     Args:
@@ -184,6 +204,7 @@ def play_task(policy: Policy | str, task: str, episodes: int, *, seed: int = 0, 
         task: one of `SOLO_TASKS`.
         episodes: how many; each on a table of its own.
         seed: of the tables.
+        watch: looks on.
 
     Raises:
         ValueError: an argument is out of range.
@@ -194,7 +215,6 @@ def play_task(policy: Policy | str, task: str, episodes: int, *, seed: int = 0, 
         raise ValueError(f"task must be one of {SOLO_TASKS}, got {task!r}")
     if episodes < 1:
         raise ValueError(f"episodes must be 1 or more, got {episodes}")
-    control_hz = 50
     named = policy if isinstance(policy, str) else None
     asked = None if isinstance(policy, str) else policy
     successes = failures = timeouts = steps = 0
@@ -208,16 +228,19 @@ def play_task(policy: Policy | str, task: str, episodes: int, *, seed: int = 0, 
                 opponent=TASKS[task].opponent,
                 max_episode_steps=TASKS[task].max_episode_steps,
                 table=table,
-                control_hz=control_hz,
+                control_hz=CONTROL_HZ,
                 autoreset=AUTORESET_NEXT_STEP,
             )
             game.seed([seed * 1_000_003 + k for k in rows])
             game.reset()
+            note = watch(game, LEFT) if watch is not None else None
             out = game.out
             still = np.zeros((len(rows), 2), np.float32)
             running = np.ones(len(rows), np.bool_)
             while running.any():
                 game.step(still if asked is None else game.check_actions(asked(out.observation)))
+                if note is not None:
+                    note(running)
                 ended = running & (out.terminated | out.truncated)
                 steps += int(running.sum())
                 successes += int((ended & out.success).sum())
@@ -225,4 +248,4 @@ def play_task(policy: Policy | str, task: str, episodes: int, *, seed: int = 0, 
                 timeouts += int((ended & ~out.terminated).sum())
                 running &= ~ended
                 bar.update(int(ended.sum()))
-    return TaskResult(task, successes, failures, timeouts, steps / episodes / control_hz)
+    return TaskResult(task, successes, failures, timeouts, steps / episodes / CONTROL_HZ)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from airhockey_env.opponents import SCRIPTED
+from airhockey_env.game import NAMES
 from airhockey_env.policy import MlpPolicy
+from airhockey_env.trained import TRAINED, trained_policy
 
 
 def export_policy(model: Any) -> MlpPolicy:
@@ -33,20 +34,22 @@ def load_player(model: str) -> MlpPolicy | str:
     """What a MODEL argument means.
 
     Args:
-        model: a scripted opponent's name, a run's folder, a `policy.npz` or a `model.zip`.
+        model: an opponent's name, a run's folder, a `policy.npz` or a `model.zip`.
 
     Raises:
         FileNotFoundError: there is no such file or name.
         ValueError: the file holds no policy of this environment.
     """
-    if model in SCRIPTED:
+    if model in TRAINED:
+        return trained_policy(model)
+    if model in NAMES:
         return model
     path = Path(model)
     if path.is_dir():
         path = path / "policy.npz"
     if not path.exists():
         raise FileNotFoundError(
-            f"MODEL must be one of {sorted(SCRIPTED)}, a run's folder, a policy.npz or a model.zip; "
+            f"MODEL must be one of {sorted(NAMES)}, a run's folder, a policy.npz or a model.zip; "
             f"{model!r} is none of these"
         )
     if path.suffix != ".zip":
@@ -55,6 +58,12 @@ def load_player(model: str) -> MlpPolicy | str:
         return export_policy(load_ppo(path))
     except AttributeError as error:  # another kind of network
         raise ValueError(f"{path} does not hold a PPO model of this environment: {error}") from error
+
+
+def short_name(model: str) -> str:
+    """What tables and plots call a MODEL: an opponent's name, the run's folder, or a file's name."""
+    path = Path(model)
+    return path.parent.name if path.name in ("policy.npz", "model.zip") and path.parent.name else path.name or model
 
 
 def load_ppo(path: Path, env: Any = None) -> Any:

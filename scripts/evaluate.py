@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from agents.checks import check_ranges
+from agents.checks import check_output, check_ranges
 from agents.evaluation import OPPONENTS, SOLO_TASKS, play_points, play_task
 from agents.files import write_json
 from agents.models import load_player
@@ -45,8 +45,7 @@ def evaluate(args: EvaluateArgs) -> None:
         ValueError, OSError: an argument does not fit.
     """
     check_ranges(args, episodes=(1, 10**8), opponent_skill=(0, 1), seed=(0, 10**9))
-    if args.json is not None and not args.json.parent.is_dir():
-        raise FileNotFoundError(f"--json must name a file in a folder that exists, got {args.json}")
+    check_output("json", args.json)
     if args.task not in ("point", *SOLO_TASKS):
         raise ValueError(f"--task must be one of {('point', *SOLO_TASKS)}, got {args.task!r}")
     if args.task != "point" and (args.opponent != "all" or args.opponent_skill != 1.0):

@@ -1,0 +1,95 @@
+"""Let everybody play everybody and rate them: python -m scripts.ladder [MODELS...]"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from agents.checks import check_output, check_ranges
+from agents.files import write_json
+from agents.ladder import ANCHOR, ANCHOR_RATING, PRIOR, find_players, play_ladder, rate
+from agents.ladder_report import draw_ladder, print_ladder
+from airhockey_env.tables import resolve_table
+from scripts._command import run_command
+
+
+@dataclass(frozen=True)
+class LadderArgs:
+    """Every named opponent, and the models given, play everybody else, half of the points on each side of the table.
+
+    The results become ratings with 95 % intervals. Ctrl-C rates what has been played.
+    """
+
+    players: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
+    """Runs' folders, policy.npz or model.zip that play too; with --only, opponents' names as well."""
+    only: bool = False
+    """Leave out the named opponents that are not given."""
+    points: int = 2000
+    """Of each pair."""
+    table: str = "full_size"
+    """A table preset."""
+    seed: int = 0
+    """Of the serves."""
+    json: Path | None = None
+    """Write ratings and matches to this file too."""
+    plot: Path | None = None
+    """Draw the ladder to this file, .png."""
+
+
+def ladder(args: LadderArgs) -> None:
+    """Play, rate, print, and write.
+
+    Raises:
+        ValueError, OSError: an argument does not fit.
+    """
+    from tqdm import tqdm
+
+    check_ranges(args, points=(1, 10**8), seed=(0, 10**9))
+    check_output("json", args.json)
+    check_output("plot", args.plot, ".png")
+    resolve_table(args.table)
+    players = find_players(args.players, args.only)
+    names = list(players)
+    matches, total, stopped = [], len(names) * (len(names) - 1) // 2, False
+    try:
+        with tqdm(total=total, unit="match", desc="ladder", leave=False, disable=None) as bar:
+            for match in play_ladder(players, args.points, seed=args.seed, table=args.table):
+                matches.append(match)
+                bar.update()
+    except KeyboardInterrupt:
+        if not matches:
+            raise
+        stopped = True
+    ratings = rate(names, matches)
+    print_ladder(ratings, matches)
+    if args.json is not None:
+        write_json(
+            args.json,
+            {
+                "table": args.table,
+                "points_of_a_pair": args.points,
+                "seed": args.seed,
+                "anchor": {"player": ANCHOR if ANCHOR in names else "mean", "rating": ANCHOR_RATING},
+                "prior": {"wins": PRIOR, "losses": PRIOR, "draws": PRIOR},
+                "ratings": [rating.as_dict() for rating in ratings],
+                "matches": [match.as_dict() for match in matches],
+            },
+        )
+    if args.plot is not None:
+        played = f"{len(matches)} of {total} pairs" if stopped else "each pair"
+        draw_ladder(ratings, matches, f"{args.table} table, {matches[0].result.points} points of {played}", args.plot)
+    if stopped:
+        print(f"Stopped after {len(matches)} of {total} matches.")
+        raise KeyboardInterrupt
+
+
+def main() -> None:
+    """Read the command line and play."""
+    run_command("ladder", LadderArgs, ladder)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,78 @@
+"""Measure a player's skills: python -m scripts.scorecard MODEL"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from agents.checks import check_output, check_ranges
+from agents.files import write_json
+from agents.models import load_player, short_name
+from agents.scorecard import measure
+from agents.scorecard_report import draw_card, print_card
+from airhockey_env.tables import resolve_table
+from scripts._command import run_command
+
+
+@dataclass(frozen=True)
+class ScorecardArgs:
+    """Measure a player's shots, saves, time on the attack, fouls, own goals and reaction; docs/scorecard.md says how.
+
+    It plays points against an opponent, half of them on each side of the table, and the tasks hit and defend.
+    """
+
+    model: Annotated[str, tyro.conf.Positional]
+    """A run's folder, a policy.npz, a model.zip, or an opponent's name."""
+    opponent: str = "striker"
+    """Likewise."""
+    points: int = 2000
+    """Against the opponent."""
+    episodes: int = 4000
+    """Of each task."""
+    table: str = "full_size"
+    """A table preset."""
+    seed: int = 0
+    """Of the serves and tasks."""
+    json: Path | None = None
+    """Write the card to this file too."""
+    plot: Path | None = None
+    """Draw the card to this file, .png."""
+
+
+def scorecard(args: ScorecardArgs) -> None:
+    """Play, print, and write.
+
+    Raises:
+        ValueError, OSError: an argument does not fit.
+    """
+    check_ranges(args, points=(1, 10**6), episodes=(1, 10**6), seed=(0, 10**9))
+    check_output("json", args.json)
+    check_output("plot", args.plot, ".png")
+    spec = resolve_table(args.table)
+    card = measure(
+        load_player(args.model),
+        load_player(args.opponent),
+        player_name=short_name(args.model),
+        opponent_name=short_name(args.opponent),
+        points=args.points,
+        episodes=args.episodes,
+        seed=args.seed,
+        table=args.table,
+    )
+    print_card(card)
+    if args.json is not None:
+        write_json(args.json, {"table": args.table, "seed": args.seed, **card.as_dict()})
+    if args.plot is not None:
+        draw_card(card, spec, args.plot)
+
+
+def main() -> None:
+    """Read the command line and measure."""
+    run_command("scorecard", ScorecardArgs, scorecard)
+
+
+if __name__ == "__main__":
+    main()
