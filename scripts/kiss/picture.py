@@ -163,8 +163,8 @@ def draw(data: dict[str, Any], path: Path) -> None:
         axis.set_aspect("equal")
         axis.set_axis_off()
         axis.set_ylim(-0.063, 0.165)
-        left = -0.15 if axis is bounce else place[0] - 0.06
-        axis.set_xlim(left, left + 0.315)
+        edge = -0.15 if axis is bounce else place[0] - 0.06
+        axis.set_xlim(edge, edge + 0.315)
     save(figure, path)
 
 
