@@ -1,0 +1,28 @@
+"""The tables of the study, written into its page between marks that the page has for them."""
+
+from __future__ import annotations
+
+import re
+
+Rows = list[tuple[str, ...]]
+
+
+def markdown(rows: Rows) -> str:
+    """A table; its first row is the head."""
+    head, *body = rows
+    lines = [head, tuple("---" for _ in head), *body]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+
+
+def insert(page: str, part: str, rows: Rows) -> str:
+    """The page with the table of a part in its place.
+
+    Raises:
+        ValueError: the page does not have exactly one place for it.
+    """
+    start, end = f"<!-- table {part} -->\n", f"<!-- end of table {part} -->\n"
+    pattern = re.compile(re.escape(start) + ".*?" + re.escape(end), re.DOTALL)
+    changed, places = pattern.subn(lambda _: f"{start}\n{markdown(rows)}\n{end}", page)
+    if places != 1:
+        raise ValueError(f"the page must have one place for the table of {part!r}, between {start!r} and {end!r}")
+    return changed

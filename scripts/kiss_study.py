@@ -1,0 +1,98 @@
+"""Show what the perfect kiss is worth: python -m scripts.kiss_study"""
+
+from __future__ import annotations
+
+import platform
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Literal
+
+import numpy as np
+from gymnasium.error import DependencyNotInstalled
+
+import airhockey_env
+from agents.files import write_json
+from airhockey_env.files import replace
+from scripts._command import run_command
+from scripts.kiss import engines, error, page, phases, picture, reversal
+
+ROOT = Path(__file__).parents[1]
+PARTS: dict[str, ModuleType] = {
+    "picture": picture,
+    "error": error,
+    "phases": phases,
+    "reversal": reversal,
+    "engines": engines,
+}
+PAGE = "kiss_study.md"
+
+
+@dataclass(frozen=True)
+class KissStudyArgs:
+    """Draw the figures of the kiss study and write its numbers and tables, into docs/ or another folder."""
+
+    out: Path = ROOT / "docs"
+    """Folder to write into. Without a page of the study in it, it gets a copy of the one in docs/."""
+    quick: bool = False
+    """Few points and short runs, to see that it works."""
+    only: Literal["picture", "error", "phases", "reversal", "engines"] | None = None
+    """One part alone; what was written of the others stays."""
+    json: Path | None = None
+    """Write the numbers to this file too."""
+
+
+def kiss_study(args: KissStudyArgs) -> None:
+    """Measure, draw, and write.
+
+    Raises:
+        ValueError, OSError: the folder does not fit.
+        DependencyNotInstalled: the figures cannot be drawn.
+    """
+    from rich.progress import track
+
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError as error:
+        raise DependencyNotInstalled('the figures need the extra "study": pip install -e ".[study]"') from error
+    if not args.out.is_dir():
+        raise FileNotFoundError(f"--out must be a folder that exists, got {args.out}")
+    if args.json is not None and not args.json.parent.is_dir():
+        raise FileNotFoundError(f"--json must name a file in a folder that exists, got {args.json}")
+    own_page = args.out / PAGE
+    text = (own_page if own_page.exists() else ROOT / "docs" / PAGE).read_text()
+    results: dict[str, Any] = {
+        "airhockey_env": airhockey_env.__version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+    }
+    notes = []
+    for name in track([args.only] if args.only else list(PARTS), description="kiss study", transient=True):
+        part = PARTS[name]
+        data = part.measure(args.quick)
+        notes += data.pop("missing", [])
+        if not data:
+            notes.append(f"{name} is skipped: there is nothing to compare with")
+            continue
+        part.draw(data, args.out / f"kiss_{name}.png")
+        text = page.insert(text, name, part.table(data))
+        results[name] = data
+        _write(own_page, text)  # after every part: an interrupt loses none that is done
+        if args.json is not None:
+            write_json(args.json, results)
+    for note in notes:
+        print(note)
+    print(f"Figures and tables: {args.out}")
+
+
+def _write(path: Path, text: str) -> None:
+    replace(path, lambda part: part.write_text(text))
+
+
+def main() -> None:
+    """Read the command line and draw."""
+    run_command("kiss_study", KissStudyArgs, kiss_study)
+
+
+if __name__ == "__main__":
+    main()
