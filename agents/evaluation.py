@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from airhockey_env.game import NAMES, Game
 from airhockey_env.records import AUTORESET_NEXT_STEP, LEFT, RIGHT
 from airhockey_env.tasks import TASKS
+from airhockey_env.trained import TRAINED, trained_policy
 
 Policy = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 
@@ -134,7 +135,7 @@ def play_points(
     takes long, a progress bar shows.
 
     Args:
-        policy: a callable from float32 observations (N, 13) to actions (N, 2), or a scripted opponent's name.
+        policy: a callable from float32 observations (N, 13) to actions (N, 2), or a named opponent's name.
         opponent: likewise.
         points: how many; rounded up to an even number.
         name: the opponent's, in the result; by default that of a scripted one.
@@ -151,6 +152,7 @@ def play_points(
         raise ValueError(f"points must be 1 or more, got {points}")
     if name is None:
         name = opponent if isinstance(opponent, str) else "a policy"
+    policy, opponent = _player(policy), _player(opponent)
     half = (points + 1) // 2
     wins = losses = draws = steps = 0
     with tqdm(total=2 * half, unit="point", desc=f"against {name}", delay=2.0, leave=False, disable=None) as bar:
@@ -188,6 +190,11 @@ def play_points(
     return Result(name, wins, losses, draws, steps / (2 * half) / control_hz)
 
 
+def _player(player: Policy | str) -> Policy | str:
+    """A trained policy by its name is one from outside."""
+    return trained_policy(player) if isinstance(player, str) and player in TRAINED else player
+
+
 def play_task(
     policy: Policy | str,
     task: str,
@@ -215,6 +222,7 @@ def play_task(
         raise ValueError(f"task must be one of {SOLO_TASKS}, got {task!r}")
     if episodes < 1:
         raise ValueError(f"episodes must be 1 or more, got {episodes}")
+    policy = _player(policy)
     named = policy if isinstance(policy, str) else None
     asked = None if isinstance(policy, str) else policy
     successes = failures = timeouts = steps = 0

@@ -1,4 +1,4 @@
-"""Let a model play against scripted opponents, or a task: python -m scripts.evaluate MODEL --opponent NAME"""
+"""Let a model play against others, or a task: python -m scripts.evaluate MODEL --opponent NAME"""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ import tyro
 from agents.checks import check_output, check_ranges
 from agents.evaluation import OPPONENTS, SOLO_TASKS, play_points, play_task
 from agents.files import write_json
-from agents.models import load_player
+from agents.models import load_player, short_name
 from agents.report import print_results, print_task_result
 from scripts._command import run_command
 
 
 @dataclass(frozen=True)
 class EvaluateArgs:
-    """Let a model play points against scripted opponents, half of them on each side of the table; or a task."""
+    """Let a model play points against others, half of them on each side of the table; or a task."""
 
     model: Annotated[str, tyro.conf.Positional]
-    """A run's folder, a policy.npz, a model.zip, or a scripted opponent's name."""
+    """A run's folder, a policy.npz, a model.zip, or an opponent's name."""
     task: str = "point"
     """"point"; or "hit" or "defend", which have no opponent."""
     opponent: str = "all"
-    """"idle", "random", "goalie", "striker", or "all" of them."""
+    """A model as above, or "all" for every named opponent."""
     episodes: int = 2000
     """Points against each; or episodes of the task."""
     opponent_skill: float = 1.0
@@ -59,7 +59,15 @@ def evaluate(args: EvaluateArgs) -> None:
         return
     names = OPPONENTS if args.opponent == "all" else (args.opponent,)
     results = [
-        play_points(player, name, args.episodes, seed=args.seed, opponent_skill=args.opponent_skill, table=args.table)
+        play_points(
+            player,
+            load_player(name),
+            args.episodes,
+            name=short_name(name),
+            seed=args.seed,
+            opponent_skill=args.opponent_skill,
+            table=args.table,
+        )
         for name in names
     ]
     print_results(results)

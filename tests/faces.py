@@ -27,7 +27,7 @@ def pursue(seen: np.ndarray) -> np.ndarray:
 
 def shown(value: Any) -> str:
     """A parameter as a part of a test's name; without functions' addresses, which differ from process to process."""
-    return re.sub(r"<function (\w+) at \w+>", r"\1", str(value))
+    return re.sub(r"<function ([\w<>.]+) at \w+>", r"\1", str(value))
 
 
 def random_actions(seed: int, steps: int, num_envs: int, continuous: bool = True) -> np.ndarray:
