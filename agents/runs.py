@@ -53,7 +53,7 @@ class RunFolder:
         for path in (Path(name), Path("runs") / name):
             if (path / "config.json").exists() and (path / "model.zip").exists():
                 return cls(path)
-        raise FileNotFoundError(f"--resume must name a run's folder with config.json and model.zip, got {name!r}")
+        raise FileNotFoundError(f"a run must be a folder with config.json and model.zip, got {name!r}")
 
 
 class Records(KVWriter):

@@ -195,7 +195,7 @@ class TestTrainPpo:
             (("--seed", "-1"), "--seed must be from 0"),
             (("--threads", "0"), "--threads must be from 1"),
             (("--name", "../outside"), "--name must be a folder's name"),
-            (("--resume", "none"), "--resume must name a run's folder"),
+            (("--resume", "none"), "a run must be a folder"),
         ],
     )
     def test_bad_arguments_write_nothing(
@@ -220,6 +220,56 @@ class TestTrainPpo:
         printed = call("train_ppo", "--resume", "tiny", fails=True)
         assert str(Path("runs/tiny")) in printed
         assert (copied / name).read_bytes() == data
+
+
+class TestTrainSelfPlay:
+    ARGUMENTS = ("--warmup-steps", str(UPDATE), "--snapshot-every", str(UPDATE), "--most-past-selves", "2")
+
+    def test_a_run_and_going_on_with_it(self, tmp_path: Path) -> None:
+        steps = ("--eval-every", str(2 * UPDATE), "--video-seconds", "0")
+        arguments = ("--name", "own", "--steps", str(4 * UPDATE), *steps, *self.ARGUMENTS, *TINY)
+        assert LAST_LINE in run("train_self_play", *arguments, folder=tmp_path)
+        folder = tmp_path / "runs" / "own"
+        before = {member["name"] for member in json.loads((folder / "league.json").read_text())["members"]}
+        assert len(list((folder / "league").iterdir())) == 2
+        assert LAST_LINE in run("train_self_play", "--resume", "own", "--steps", str(6 * UPDATE), folder=tmp_path)
+        after = {member["name"] for member in json.loads((folder / "league.json").read_text())["members"]}
+        assert "striker" in before & after
+        assert f"self at {5 * UPDATE}" in after - before
+        assert load_ppo(folder / "model.zip").num_timesteps == 6 * UPDATE
+
+    @pytest.mark.parametrize(
+        ("arguments", "message"),
+        [
+            (("--latest-share", "1.1"), "--latest-share must be from 0 to 1, got 1.1"),
+            (("--snapshot-every", "0"), "--snapshot-every must be 1 or more, got 0"),
+            (("--most-past-selves", "0"), "--most-past-selves must be from 1"),
+            (("--warmup-steps", "-1"), "--warmup-steps must be 0 or more, got -1"),
+            (("--opponents",), "--opponents must be some of"),
+        ],
+    )
+    def test_bad_arguments(self, arguments: tuple[str, ...], message: str, tmp_path: Path, call: Call) -> None:
+        assert message in call("train_self_play", *TINY, *arguments, fails=True)
+        assert not list(tmp_path.iterdir())
+
+
+class TestCurves:
+    def test_two_runs(self, trained: Path, tmp_path: Path, call: Call) -> None:
+        copied = copy_of(trained, tmp_path)
+        copied.rename(copied.parent / "other")
+        printed = call("curves", str(trained), "other", "--plot", "curves.png")
+        assert "tiny" in printed
+        assert "other" in printed
+        assert (tmp_path / "curves.png").read_bytes().startswith(b"\x89PNG")
+
+    @pytest.mark.parametrize("data", [b"", b"{}", b'{"evaluations": []}'])
+    def test_damaged_runs(self, data: bytes, trained: Path, tmp_path: Path, call: Call) -> None:
+        (copy_of(trained, tmp_path) / "evaluations.json").write_bytes(data)
+        assert str(Path("runs/tiny")) in call("curves", "tiny", fails=True)
+
+    def test_what_is_no_run(self, call: Call) -> None:
+        assert "a run must be a folder" in call("curves", "none", fails=True)
+        assert "RUNS must name one run or more" in call("curves", fails=True)
 
 
 class TestEvaluate:

@@ -1,0 +1,92 @@
+"""Learning curves of several runs side by side: over steps and over wall time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from agents.files import read_json
+from agents.runs import RunFolder
+from airhockey_env.files import replace
+
+COLORS = ("#2f6fdd", "#e5395b", "#1f9d72", "#b0721f", "#7a4fd0", "#3a4152")
+
+
+def read_runs(names: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """The records of runs by their folders' names.
+
+    Raises:
+        FileNotFoundError: there is no such run.
+        ValueError: its files are damaged.
+    """
+    runs = {}
+    for name in names:
+        folder = RunFolder.open(name)
+        config, history = read_json(folder.config), read_json(folder.evaluations)
+        try:
+            if not history["evaluations"]:
+                raise ValueError(f"{folder.path} has no evaluations yet")
+            runs[folder.path.name] = {"opponent": config["opponent"], "seed": config["seed"], **history}
+        except (TypeError, KeyError) as error:
+            raise ValueError(f"{folder.path} does not hold the records of a run: {error}") from error
+    return runs
+
+
+def print_curves(runs: dict[str, dict[str, Any]]) -> None:
+    """Print how every run did at each evaluation."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title="Evaluations while training", padding=(0, 1), box=None)
+    names = ("run", "seed", "million steps", "minutes", "against", "wins", "losses", "draws", "of decided")
+    for name in names:
+        table.add_column(name, justify="left" if name in ("run", "against") else "right", no_wrap=True)
+    for name, run in runs.items():
+        for row in run["evaluations"]:
+            share = row["decided_win_rate"]
+            table.add_row(
+                name,
+                str(run["seed"]),
+                f"{row['steps'] / 1e6:.1f}",
+                f"{row['seconds'] / 60:.1f}",
+                row["opponent"],
+                *(str(row[key]) for key in ("wins", "losses", "draws")),
+                "none" if share is None else f"{share:.1%}",
+            )
+    Console().print(table)
+
+
+def draw_curves(runs: dict[str, dict[str, Any]], path: Path) -> None:
+    """Draw the share of decided points won, with its 95 % interval, and that of draws: by steps and by minutes."""
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import PercentFormatter
+
+    figure = Figure(figsize=(11, 4.2), layout="constrained")
+    axes = figure.subplots(1, 2, sharey=True)
+    opponents = sorted({run["opponent"] for run in runs.values()})
+    for axis, key, scale, label in (
+        (axes[0], "steps", 1e6, "million steps"),
+        (axes[1], "seconds", 60.0, "minutes of wall time"),
+    ):
+        for k, (name, run) in enumerate(runs.items()):
+            color = COLORS[k % len(COLORS)]
+            rows = run["evaluations"]
+            x = [row[key] / scale for row in rows]
+            nan = float("nan")  # what JSON keeps as null
+            won = [nan if row["decided_win_rate"] is None else row["decided_win_rate"] for row in rows]
+            low, high = zip(*(row["decided_win_rate_95"] for row in rows), strict=True)
+            axis.fill_between(x, low, high, color=color, alpha=0.12, linewidth=0)
+            axis.plot(x, won, color=color, marker=".", label=f"{name}, seed {run['seed']}")
+            axis.plot(x, [row["draws"] / row["points"] for row in rows], color=color, linestyle=":", linewidth=1.2)
+        axis.set(xlabel=label, ylim=(0, 1))
+        axis.set_xlim(left=0)
+        axis.yaxis.set_major_formatter(PercentFormatter(1.0))
+        axis.axhline(0.9, color="#c9ccd4", linewidth=1, zorder=0)
+        axis.grid(color="#eceef2")
+        axis.set_axisbelow(True)
+        axis.spines[["top", "right"]].set_visible(False)
+    axes[0].set(title=f"Decided points won against {' and '.join(opponents)} (dotted: draws)")
+    axes[0].title.set_size(11)
+    axes[1].legend(frameon=False, loc="lower right")
+    replace(path, lambda part: figure.savefig(part, dpi=110, format="png"))
