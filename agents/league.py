@@ -1,9 +1,12 @@
 """A league: an agent against itself, its past selves and the scripted opponents.
 
-Every episode's opponent is drawn anew: the latest self with a fixed share, the others by prioritised fictitious
-self-play, the more often the harder they are (Vinyals et al., "Grandmaster level in StarCraft II using multi-agent
-reinforcement learning", Nature 575, 2019). The environment is the same from both sides, to the bit, so the agent
-learns on the left and its opponents play on the right.
+Every episode's opponent is drawn anew: with fixed shares the latest self, a scripted opponent or a past self, and
+among those by prioritised fictitious self-play, the more often the harder they are (Vinyals et al., "Grandmaster level
+in StarCraft II using multi-agent reinforcement learning", Nature 575, 2019). Without a share of their own, the scripted
+ones would soon be too easy to be met, and be forgotten.
+
+The environment is the same from both sides, to the bit, so the agent learns on the left and its opponents play on the
+right.
 """
 
 from __future__ import annotations
@@ -57,6 +60,7 @@ class League(BaseCallback):
     Args:
         scripted: names of scripted opponents.
         latest_share: of episodes against the agent as it is now.
+        scripted_share: of episodes against scripted opponents.
         snapshot_every: steps between copies.
         most_past_selves: kept; the weakest goes when there are more.
         seed: of the draws.
@@ -67,6 +71,7 @@ class League(BaseCallback):
         scripted: Sequence[str],
         *,
         latest_share: float,
+        scripted_share: float,
         snapshot_every: int,
         most_past_selves: int,
         seed: int,
@@ -76,6 +81,7 @@ class League(BaseCallback):
         self.scripted = tuple(scripted)
         self.past: dict[int, MlpPolicy] = {}  # past selves by their number among the members
         self.latest_share = latest_share
+        self.scripted_share = scripted_share
         self.snapshot_every = snapshot_every
         self.most_past_selves = most_past_selves
         self.due = 0  # the next copy, in steps
@@ -89,8 +95,16 @@ class League(BaseCallback):
 
     def draw(self, number: int) -> np.ndarray:
         """(number,) places in the pool of opponents for that many episodes."""
-        priorities = np.array([member.priority for member in self.members[1:]])
-        shares = np.append(self.latest_share, (1.0 - self.latest_share) * priorities / priorities.sum())
+        priorities = np.array([member.priority for member in self.members])
+        scripted, past = priorities[1 : 1 + len(self.scripted)], priorities[1 + len(self.scripted) :]
+        shares = np.concatenate(
+            [
+                [self.latest_share],
+                self.scripted_share * scripted / scripted.sum(),
+                (1.0 - self.latest_share - self.scripted_share) * past / max(past.sum(), LEAST_PRIORITY),
+            ]
+        )
+        shares[0] += 1.0 - shares.sum()  # while there is no past
         return self.random.choice(len(self.members), number, p=shares)
 
     def _on_training_start(self) -> None:

@@ -40,7 +40,7 @@ class TrainArgs:
     """Of the network, the actions and the tables."""
     opponents: tuple[str, ...] = ("striker",)
     """Whom to play against, on as many tables each; name one twice to meet it twice as often."""
-    warmup_steps: int = 4_000_000
+    warmup_steps: int = 3_000_000
     """Of shooting practice (the task "hit") at first. Without it, agents learn to defend and to wait, not to shoot."""
     opponent: str = "striker"
     """Whom evaluations while training are against."""

@@ -15,29 +15,36 @@ class SelfPlayArgs(TrainArgs):
     """Train an agent with PPO by self-play. Everything goes into one folder, runs/NAME/."""
 
     steps: int | None = None
-    """Environment steps in all. Default: 60 million, or with --resume what the run was to have."""
+    """Environment steps in all. Default: 45 million, or with --resume what the run was to have."""
     opponents: tuple[str, ...] = ("striker", "goalie", "idle")
     """Scripted opponents in the league."""
     net_width: int = 128
     """Units in each of the two hidden layers, of policy and value network alike."""
     latest_share: float = 0.3
-    """Of episodes against the agent as it is now; the others are against the league, more often against who is hard."""
+    """Of episodes against the agent as it is now."""
+    scripted_share: float = 0.25
+    """Of episodes against the scripted opponents. The others are against past selves; of both kinds, those who are hard
+    come more often."""
     snapshot_every: int = 2_000_000
     """Steps between the copies of the agent that join the league."""
     most_past_selves: int = 12
     """Copies in the league; the weakest leaves when there are more."""
 
-    default_steps = 60_000_000
+    default_steps = 45_000_000
     command = "train_self_play"
 
     def check(self) -> None:
         super().check()
-        check_ranges(self, latest_share=(0, 1), snapshot_every=(1, math.inf), most_past_selves=(1, 1000))
+        check_ranges(
+            self, latest_share=(0, 1), scripted_share=(0, 1 - self.latest_share), snapshot_every=(1, math.inf),
+            most_past_selves=(1, 1000),
+        )  # fmt: skip
 
     def league(self) -> League:
         return League(
             self.opponents,
             latest_share=self.latest_share,
+            scripted_share=self.scripted_share,
             snapshot_every=self.snapshot_every,
             most_past_selves=self.most_past_selves,
             seed=self.seed,

@@ -242,6 +242,7 @@ class TestTrainSelfPlay:
         ("arguments", "message"),
         [
             (("--latest-share", "1.1"), "--latest-share must be from 0 to 1, got 1.1"),
+            (("--scripted-share", "0.8"), "--scripted-share must be from 0 to 0.7, got 0.8"),
             (("--snapshot-every", "0"), "--snapshot-every must be 1 or more, got 0"),
             (("--most-past-selves", "0"), "--most-past-selves must be from 1"),
             (("--warmup-steps", "-1"), "--warmup-steps must be 0 or more, got -1"),

@@ -12,6 +12,7 @@ import pytest
 from agents.league import LATEST, LEAST_PRIORITY, League, Member
 from agents.ppo import make_env, make_model
 from agents.self_play import SelfPlayArgs
+from tests.test_agents import some_policy
 
 UPDATE = 6 * 8
 ARGS = SelfPlayArgs(
@@ -57,7 +58,12 @@ class TestLeague:
         league = ARGS.league()
         league.members[1].won, league.members[2].won = 0.5, 0.0  # priorities 1/4 and 1
         drawn = np.bincount(league.draw(20_000), minlength=3) / 20_000
-        np.testing.assert_allclose(drawn, [0.3, 0.7 / 5, 0.7 * 4 / 5], atol=0.02)
+        np.testing.assert_allclose(drawn, [0.75, 0.25 / 5, 0.25 * 4 / 5], atol=0.02)  # no past selves yet
+        league.past = {3: some_policy(), 4: some_policy()}
+        league.members += [Member("one", won=0.0), Member("other", won=1.0)]
+        drawn = np.bincount(league.draw(20_000), minlength=5) / 20_000
+        hard, easy = 1.0 / (1.0 + LEAST_PRIORITY), LEAST_PRIORITY / (1.0 + LEAST_PRIORITY)
+        np.testing.assert_allclose(drawn, [0.3, 0.05, 0.2, 0.45 * hard, 0.45 * easy], atol=0.02)
 
     def test_past_selves_join_and_the_weakest_leaves(self) -> None:
         league = learn(6 * UPDATE)
@@ -79,7 +85,9 @@ class TestLeague:
         np.testing.assert_array_equal(latest(seen), league.past[newest](seen))
 
     def test_points_are_counted_for_who_played_them(self) -> None:
-        args = dataclasses.replace(ARGS, opponents=("striker",), latest_share=0.0, snapshot_every=10**9)
+        args = dataclasses.replace(
+            ARGS, opponents=("striker",), latest_share=0.0, scripted_share=1.0, snapshot_every=10**9
+        )
         latest, striker, past = learn(60 * UPDATE, args).members
         assert latest.points == 0
         assert striker.points > 0
