@@ -82,6 +82,10 @@ class TrainArgs:
     default_steps = 24_000_000
     command = "train_ppo"
 
+    def begins_with(self) -> str | None:
+        """A run whose network this one begins with."""
+        return None
+
     def league(self) -> League | None:
         """Who chooses the opponents: nobody, they are on as many tables each."""
         return None
@@ -201,6 +205,8 @@ def train(args: TrainArgs) -> RunFolder:
     if args.resume is None:
         args = dataclasses.replace(args, steps=args.steps or args.default_steps)
         model, league = make_model(args, make_env(args)), args.league()
+        if (other := args.begins_with()) is not None:
+            _take_over(model, RunFolder.open(other))
         folder = RunFolder.create(args.name)
         history: dict[str, Any] = {"evaluations": [], "updates": [], "report": []}
         save(folder, model, history)
@@ -227,7 +233,7 @@ def train(args: TrainArgs) -> RunFolder:
     print(f"{folder.path}: {steps:,} steps against {whom}. Ctrl-C stops early and keeps everything.")
     bar = ProgressBarCallback()
     try:
-        if model.num_timesteps < min(args.warmup_steps, steps):
+        if args.begins_with() is None and model.num_timesteps < min(args.warmup_steps, steps):
             _learn(model, args, make_env(args, "hit", ["idle"]), [_Until(args.warmup_steps), watch, bar])
         if model.num_timesteps < steps:
             opponents, callbacks = (None, []) if league is None else (league.pool, [league])
@@ -241,6 +247,18 @@ def train(args: TrainArgs) -> RunFolder:
         league.save(folder.path)
     report(folder, args, history)
     return folder
+
+
+def _take_over(model: PPO, folder: RunFolder) -> None:
+    """Give a new model the network of another run.
+
+    Raises:
+        ValueError: it is of another shape.
+    """
+    try:
+        model.policy.load_state_dict(load_ppo(folder.model).policy.state_dict())
+    except RuntimeError as error:
+        raise ValueError(f"--start must name a run with the same --net-width, got {folder.path}: {error}") from error
 
 
 class _Until(BaseCallback):

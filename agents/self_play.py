@@ -14,12 +14,14 @@ from agents.ppo import TrainArgs
 class SelfPlayArgs(TrainArgs):
     """Train an agent with PPO by self-play. Everything goes into one folder, runs/NAME/."""
 
+    start: str | None = None
+    """Begin with the network of this run (its folder, or its name under runs/) in place of shooting practice."""
     steps: int | None = None
-    """Environment steps in all. Default: 45 million, or with --resume what the run was to have."""
+    """Environment steps in all. Default: 30 million, or with --resume what the run was to have."""
     opponents: tuple[str, ...] = ("striker", "goalie", "idle")
     """Scripted opponents in the league."""
-    net_width: int = 128
-    """Units in each of the two hidden layers, of policy and value network alike."""
+    learning_rate: float = 4e-4
+    """At the start; falls linearly to a fiftieth of it."""
     latest_share: float = 0.3
     """Of episodes against the agent as it is now."""
     scripted_share: float = 0.25
@@ -30,7 +32,7 @@ class SelfPlayArgs(TrainArgs):
     most_past_selves: int = 12
     """Copies in the league; the weakest leaves when there are more."""
 
-    default_steps = 45_000_000
+    default_steps = 30_000_000
     command = "train_self_play"
 
     def check(self) -> None:
@@ -39,6 +41,9 @@ class SelfPlayArgs(TrainArgs):
             self, latest_share=(0, 1), scripted_share=(0, 1 - self.latest_share), snapshot_every=(1, math.inf),
             most_past_selves=(1, 1000),
         )  # fmt: skip
+
+    def begins_with(self) -> str | None:
+        return self.start
 
     def league(self) -> League:
         return League(

@@ -238,9 +238,18 @@ class TestTrainSelfPlay:
         assert f"self at {5 * UPDATE}" in after - before
         assert load_ppo(folder / "model.zip").num_timesteps == 6 * UPDATE
 
+    def test_a_start_from_another_run(self, trained: Path, tmp_path: Path) -> None:
+        arguments = ("--start", str(trained), "--name", "own", "--steps", str(UPDATE), "--video-seconds", "0", *TINY)
+        learning = ("--learning-rate", "0")
+        assert LAST_LINE in run("train_self_play", *arguments, *learning, folder=tmp_path)
+        ours, theirs = (MlpPolicy.load(folder / "policy.npz") for folder in (tmp_path / "runs" / "own", trained))
+        for own, other in zip(ours.weights, theirs.weights, strict=True):
+            np.testing.assert_array_equal(own, other)
+
     @pytest.mark.parametrize(
         ("arguments", "message"),
         [
+            (("--start", "none"), "a run must be a folder"),
             (("--latest-share", "1.1"), "--latest-share must be from 0 to 1, got 1.1"),
             (("--scripted-share", "0.8"), "--scripted-share must be from 0 to 0.7, got 0.8"),
             (("--snapshot-every", "0"), "--snapshot-every must be 1 or more, got 0"),

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from airhockey_env.policy import MlpPolicy
 
-TRAINED: tuple[str, ...] = ()
+TRAINED = ("adept", "expert")
 """From weaker to stronger."""
 
 
