@@ -18,15 +18,11 @@ def export_policy(model: Any) -> MlpPolicy:
 
     policy = model.policy
     actor = getattr(policy, "actor", None)
-    if actor is None:  # an actor-critic in one
-        layers, features, squash = (
-            [*policy.mlp_extractor.policy_net, policy.action_net],
-            policy.features_extractor,
-            False,
-        )
-    else:  # SAC's has the mean apart, TD3's all in one
+    if actor is None:  # actor and critic are one network
+        layers, features = [*policy.mlp_extractor.policy_net, policy.action_net], policy.features_extractor
+    else:  # TD3's layers are all in `mu`; SAC's `mu` is the last of them
         layers = [*getattr(actor, "latent_pi", ()), *(actor.mu if isinstance(actor.mu, nn.Sequential) else [actor.mu])]
-        features, squash = actor.features_extractor, True
+        features = actor.features_extractor
     linear = [layer for layer in layers if isinstance(layer, nn.Linear)]
     weights = [layer.weight.detach().numpy() for layer in linear]
     if isinstance(features, RelativeFeatures):

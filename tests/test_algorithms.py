@@ -19,6 +19,8 @@ from agents.models import export_policy
 from airhockey_env.policy import MlpPolicy
 from scripts.train import main
 
+pytestmark = pytest.mark.filterwarnings("ignore:rich is experimental")  # says tqdm of Stable-Baselines3's bar
+
 ROOT = Path(__file__).parents[1]
 IDS = ("AirHockeyHit-v0", "AirHockeyDefend-v0", "AirHockey-v0")
 
@@ -33,7 +35,7 @@ SMALL = {
 def small_model(algo: str) -> BaseAlgorithm:
     """With the file's own network, and weights that make it move."""
     hyperparameters = read_hyperparameters(HYPERPARAMS / f"{algo}.yml", IDS[0])
-    model = make_model(algo, hyperparameters, make_env(IDS[0], hyperparameters, 1))
+    model = make_model(algo, hyperparameters, make_env(IDS[0], hyperparameters))
     with torch.no_grad():
         for weights in model.policy.parameters():
             weights.add_(0.2 * torch.randn(weights.shape, generator=torch.Generator().manual_seed(1)))
@@ -68,10 +70,10 @@ def test_every_section_builds_its_model(path: Path, env_id: str) -> None:
     if path.stem.endswith("_pixels") and env_id == "AirHockey-v0":
         pytest.skip("pictures are for the tasks alone")
     hyperparameters = read_hyperparameters(path, env_id)
-    env = make_env(env_id, hyperparameters, 2)
+    env = make_env(env_id, hyperparameters)
     model = make_model(path.stem.removesuffix("_pixels"), hyperparameters, env)
     action, _ = model.predict(env.reset())
-    assert action.shape == (2, 2)
+    assert action.shape == (hyperparameters.n_envs, 2)
     assert env.step(action)[0].shape[-1] == (9 if path.stem.endswith("_pixels") else 13)
 
 
