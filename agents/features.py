@@ -1,4 +1,4 @@
-"""What the network sees: the observation, and the puck as seen from the paddle.
+"""What the network sees: the observation, and the puck as seen from the paddle; or pictures.
 
 How a shot leaves depends on millimetres between paddle and puck, which are small differences of large numbers in the
 observation. A fixed linear layer in front of the network computes them at a useful scale; it costs nothing when the
@@ -13,7 +13,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 
-from airhockey_env.tables import TableSpec
+from airhockey_env.tables import FULL_SIZE, TableSpec
 
 _DISTANCE_SCALE = 6.0
 """1/m: a paddle's and a puck's radius together come to about half a unit."""
@@ -39,10 +39,29 @@ class RelativeFeatures(BaseFeaturesExtractor):
 
     matrix: torch.Tensor
 
-    def __init__(self, observation_space: spaces.Box, spec: TableSpec) -> None:
+    def __init__(self, observation_space: spaces.Box, spec: TableSpec = FULL_SIZE) -> None:
         matrix = relative_features(spec)
         super().__init__(observation_space, matrix.shape[0])
         self.register_buffer("matrix", torch.as_tensor(matrix))
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
         return observations @ self.matrix.T
+
+
+class SmallCnn(BaseFeaturesExtractor):
+    """Two convolutions for 84 x 84 pictures, about a fifth of the work of Stable-Baselines3's `NatureCNN`."""
+
+    def __init__(self, observation_space: spaces.Box, features_dim: int = 128) -> None:
+        super().__init__(observation_space, features_dim)
+        self.layers = torch.nn.Sequential(
+            torch.nn.Conv2d(observation_space.shape[0], 16, 8, stride=4),
+            torch.nn.ReLU(),
+            torch.nn.Conv2d(16, 16, 4, stride=2),
+            torch.nn.ReLU(),
+            torch.nn.Flatten(),
+            torch.nn.Linear(16 * 9 * 9, features_dim),
+            torch.nn.ReLU(),
+        )
+
+    def forward(self, observations: torch.Tensor) -> torch.Tensor:
+        return self.layers(observations)

@@ -11,22 +11,27 @@ from airhockey_env.trained import TRAINED, trained_policy
 
 
 def export_policy(model: Any) -> MlpPolicy:
-    """The deterministic policy of a Stable-Baselines3 actor-critic with an `MlpPolicy`, without torch."""
+    """The deterministic policy of a Stable-Baselines3 PPO, A2C, SAC, TD3 or DDPG with an `MlpPolicy`, without torch."""
     from torch import nn
 
     from agents.features import RelativeFeatures
 
-    layers = [*model.policy.mlp_extractor.policy_net, model.policy.action_net]
+    policy = model.policy
+    actor = getattr(policy, "actor", None)
+    if actor is None:  # actor and critic are one network
+        layers, features = [*policy.mlp_extractor.policy_net, policy.action_net], policy.features_extractor
+    else:  # TD3's layers are all in `mu`; SAC's `mu` is the last of them
+        layers = [*getattr(actor, "latent_pi", ()), *(actor.mu if isinstance(actor.mu, nn.Sequential) else [actor.mu])]
+        features = actor.features_extractor
     linear = [layer for layer in layers if isinstance(layer, nn.Linear)]
     weights = [layer.weight.detach().numpy() for layer in linear]
-    features = model.policy.features_extractor
     if isinstance(features, RelativeFeatures):
         weights[0] = weights[0] @ features.matrix.numpy()
-    activation = "relu" if any(isinstance(layer, nn.ReLU) for layer in layers) else "tanh"
     return MlpPolicy(
         weights,
         [layer.bias.detach().numpy() for layer in linear],
-        activation,
+        "relu" if any(isinstance(layer, nn.ReLU) for layer in layers) else "tanh",
+        squash=actor is not None,
     )
 
 

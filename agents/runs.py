@@ -13,6 +13,7 @@ from stable_baselines3.common.logger import KVWriter, Logger, configure
 from agents.files import write_json
 from agents.models import export_policy
 from airhockey_env.files import replace
+from airhockey_env.records import OBSERVATION_SIZE
 
 
 class RunFolder:
@@ -28,8 +29,8 @@ class RunFolder:
         self.video = path / "video.gif"
 
     @classmethod
-    def create(cls, name: str | None) -> RunFolder:
-        """A new folder.
+    def create(cls, name: str | None, algorithm: str = "ppo") -> RunFolder:
+        """A new folder; without a name, that of the algorithm and the time.
 
         Raises:
             FileExistsError: there is a run of that name.
@@ -37,7 +38,7 @@ class RunFolder:
         """
         if name is not None and (not name or Path(name).name != name):
             raise ValueError(f"--name must be a folder's name, got {name!r}")
-        path = Path("runs") / (name or f"ppo-{datetime.datetime.now():%Y%m%d-%H%M%S}")
+        path = Path("runs") / (name or f"{algorithm}-{datetime.datetime.now():%Y%m%d-%H%M%S}")
         if (path / "config.json").exists():
             raise FileExistsError(f"{path} holds a run already: choose another --name, or go on with --resume {path}")
         path.mkdir(parents=True, exist_ok=True)
@@ -94,9 +95,10 @@ class Clock:
 
 
 def save(folder: RunFolder, model: BaseAlgorithm, history: dict[str, Any]) -> None:
-    """Write the model, its policy and the record of the run, each at once or not at all."""
+    """Write the model, its policy (of states alone) and the record of the run, each at once or not at all."""
     replace(folder.model, lambda part: _save_zip(model, part))
-    export_policy(model).save(folder.policy)
+    if model.observation_space.shape == (OBSERVATION_SIZE,):
+        export_policy(model).save(folder.policy)
     write_json(folder.evaluations, history)
 
 

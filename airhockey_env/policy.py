@@ -55,7 +55,7 @@ def _tanh(x):
 
 
 @compiled
-def _forward(observations, parameters, sizes, use_tanh, out):
+def _forward(observations, parameters, sizes, use_tanh, squash, out):
     """Run the network, row by row.
 
     Args:
@@ -63,6 +63,7 @@ def _forward(observations, parameters, sizes, use_tanh, out):
         parameters: (P,) float32: of one layer after the other, the weights (in, out) and the biases (out,).
         sizes: (layers + 1,) int64, units of every layer, the inputs first.
         use_tanh: between the layers; else the greater of x and 0.
+        squash: whether the outputs go through tanh.
         out: (N, sizes[-1]) float32; written.
     """
     widest = sizes.max()
@@ -86,7 +87,7 @@ def _forward(observations, parameters, sizes, use_tanh, out):
                     after[j] += x * row[j]
             if layer == last:
                 for j in range(n_out):
-                    out[i, j] = after[j]
+                    out[i, j] = _tanh(after[j]) if squash else after[j]
             elif use_tanh:
                 for j in range(n_out):
                     after[j] = _tanh(after[j])
@@ -104,13 +105,18 @@ class MlpPolicy:
             velocities (a continuous policy) or nine scores (a discrete one, which takes the highest).
         biases: one (out,) array a layer.
         activation: `"tanh"` or `"relu"`, between the layers.
+        squash: whether the outputs go through tanh, as those of SAC and TD3 do; else they are clipped to [-1, 1].
 
     Raises:
         ValueError: the layers do not fit together, or hold what is no finite number.
     """
 
     def __init__(
-        self, weights: Sequence[NDArray[np.float32]], biases: Sequence[NDArray[np.float32]], activation: str = "tanh"
+        self,
+        weights: Sequence[NDArray[np.float32]],
+        biases: Sequence[NDArray[np.float32]],
+        activation: str = "tanh",
+        squash: bool = False,
     ) -> None:
         if not isinstance(activation, str) or activation not in ACTIVATIONS:
             raise ValueError(f"activation must be one of {ACTIVATIONS}, got {activation!r}")
@@ -128,7 +134,7 @@ class MlpPolicy:
             size = weight.shape[0]
         if size not in (2, len(DIRECTIONS)):
             raise ValueError(f"the last layer must have 2 or {len(DIRECTIONS)} outputs, got {size}")
-        self.activation = activation
+        self.activation, self.squash = activation, bool(squash)
         self._sizes = np.array([OBSERVATION_SIZE, *(len(bias) for bias in self.biases)])
         layers = zip(self.weights, self.biases, strict=True)
         self._parameters = np.concatenate([part for weight, bias in layers for part in (weight.T.ravel(), bias)])
@@ -136,12 +142,12 @@ class MlpPolicy:
     def __call__(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
         """Actions (N, 2) in [-1, 1] for observations (N, 13)."""
         out = np.empty((len(observations), self._sizes[-1]), np.float32)
-        _forward(observations, self._parameters, self._sizes, self.activation == "tanh", out)
+        _forward(observations, self._parameters, self._sizes, self.activation == "tanh", self.squash, out)
         return np.clip(out, -1.0, 1.0) if out.shape[1] == 2 else DIRECTIONS[out.argmax(axis=1)]
 
     def save(self, path: str | Path) -> None:
         """Write the weights to an .npz file; a file that is there already is replaced at once or not at all."""
-        arrays: dict[str, Any] = {"activation": np.array(self.activation)}
+        arrays: dict[str, Any] = {"activation": np.array(self.activation), "squash": np.array(self.squash)}
         for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             arrays[f"weight_{k}"], arrays[f"bias_{k}"] = weight, bias
         buffer = io.BytesIO()
@@ -161,7 +167,8 @@ class MlpPolicy:
                 layers = range(sum(name.startswith("weight_") for name in file.files))
                 weights = [file[f"weight_{k}"] for k in layers]
                 biases = [file[f"bias_{k}"] for k in layers]
-                return cls(weights, biases, str(file["activation"]))
+                squash = bool(file["squash"]) if "squash" in file.files else False  # files of before it was there
+                return cls(weights, biases, str(file["activation"]), squash)
         except FileNotFoundError:
             raise
         except Exception as error:  # whatever a damaged file makes of it

@@ -1,0 +1,15 @@
+"""Train an agent with an algorithm of Stable-Baselines3: python -m scripts.train --algo sac --env AirHockeyHit-v0"""
+
+from __future__ import annotations
+
+from agents.algorithms import AlgorithmArgs, train
+from scripts._command import run_command
+
+
+def main() -> None:
+    """Read the command line and train."""
+    run_command("train", AlgorithmArgs, train)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,172 @@
+"""Algorithms by name: their files of hyperparameters, tiny runs, and exported policies."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+
+from agents.algorithms import ALGORITHMS, HYPERPARAMS, AlgorithmArgs, make_env, make_model, read_hyperparameters, train
+from agents.models import export_policy
+from airhockey_env.policy import MlpPolicy
+from scripts.train import main
+
+pytestmark = pytest.mark.filterwarnings("ignore:rich is experimental")  # says tqdm of Stable-Baselines3's bar
+
+ROOT = Path(__file__).parents[1]
+IDS = ("AirHockeyHit-v0", "AirHockeyDefend-v0", "AirHockey-v0")
+
+SMALL = {
+    "ppo": "{env_kwargs: {reward: shaped}, policy: MlpPolicy, n_timesteps: 32, n_envs: 4, n_steps: 4, batch_size: 8}",
+    "sac": "{policy: MlpPolicy, n_timesteps: 60, n_envs: 4, learning_starts: 20, batch_size: 8, buffer_size: 100}",
+    "td3": "{policy: MlpPolicy, n_timesteps: 60, n_envs: 4, learning_starts: 20, batch_size: 8, buffer_size: 100,"
+    " noise_type: normal, noise_std: 0.2}",
+}
+
+
+def small_model(algo: str) -> BaseAlgorithm:
+    """With the file's own network, and weights that make it move."""
+    hyperparameters = read_hyperparameters(HYPERPARAMS / f"{algo}.yml", IDS[0])
+    model = make_model(algo, hyperparameters, make_env(IDS[0], hyperparameters))
+    with torch.no_grad():
+        for weights in model.policy.parameters():
+            weights.add_(0.2 * torch.randn(weights.shape, generator=torch.Generator().manual_seed(1)))
+    return model
+
+
+@pytest.mark.parametrize("algo", ALGORITHMS)
+def test_the_exported_policy_acts_as_the_model(algo: str, tmp_path: Path) -> None:
+    model = small_model(algo)
+    observations = np.random.default_rng(5).uniform(-1.0, 1.0, (200, 13)).astype(np.float32)
+    expected, _ = model.predict(observations, deterministic=True)
+    assert expected.std() > 0.1
+    assert ((np.abs(expected) < 0.99).all(axis=1)).any(), "not all at their ends"
+    policy = export_policy(model)
+    assert policy.squash == (algo != "ppo")
+    policy.save(tmp_path / "policy.npz")
+    for one in (policy, MlpPolicy.load(tmp_path / "policy.npz")):
+        np.testing.assert_allclose(one(observations), expected, atol=1e-5)
+
+
+def test_a_policy_file_without_squash(tmp_path: Path) -> None:
+    weight, bias = np.zeros((2, 13), np.float32), np.full(2, 0.5, np.float32)
+    np.savez(tmp_path / "old.npz", activation="tanh", weight_0=weight, bias_0=bias)
+    seen = np.zeros((1, 13), np.float32)
+    np.testing.assert_array_equal(MlpPolicy.load(tmp_path / "old.npz")(seen), [[0.5, 0.5]])
+    np.testing.assert_allclose(MlpPolicy([weight], [bias], squash=True)(seen), np.tanh([[0.5, 0.5]]), rtol=1e-6)
+
+
+@pytest.mark.parametrize("path", sorted(HYPERPARAMS.glob("*.yml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("env_id", IDS)
+def test_every_section_builds_its_model(path: Path, env_id: str) -> None:
+    if path.stem.endswith("_pixels") and env_id == "AirHockey-v0":
+        pytest.skip("pictures are for the tasks alone")
+    hyperparameters = read_hyperparameters(path, env_id)
+    env = make_env(env_id, hyperparameters)
+    model = make_model(path.stem.removesuffix("_pixels"), hyperparameters, env)
+    action, _ = model.predict(env.reset())
+    assert action.shape == (hyperparameters.n_envs, 2)
+    assert env.step(action)[0].shape[-1] == (9 if path.stem.endswith("_pixels") else 13)
+
+
+@pytest.mark.parametrize("algo", ALGORITHMS)
+def test_a_tiny_run(algo: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("tiny.yml").write_text(f"AirHockeyDefend-v0: {SMALL[algo]}")
+    args = AlgorithmArgs(
+        algo, "AirHockeyDefend-v0", hyperparams=Path("tiny.yml"), name="tiny", evaluations=2, eval_episodes=2,
+        report_episodes=4,
+    )  # fmt: skip
+    folder = train(args)
+    model = ALGORITHMS[algo].load(folder.model, device="cpu")
+    history = json.loads(folder.evaluations.read_text(), parse_constant=pytest.fail)
+    steps = [row["steps"] for row in history["evaluations"]]
+    assert steps[0] == 0 and steps[-1] == model.num_timesteps >= 32
+    assert [row["episodes"] for row in history["evaluations"]] == [2] * (len(steps) - 1) + [4]
+    assert json.loads(folder.config.read_text())["algo"] == algo
+    assert folder.picture.read_bytes().startswith(b"\x89PNG")
+    seen = np.random.default_rng(0).uniform(-1.0, 1.0, (50, 13)).astype(np.float32)
+    expected, _ = model.predict(seen, deterministic=True)
+    np.testing.assert_allclose(MlpPolicy.load(folder.policy)(seen), expected, atol=1e-5)
+    with pytest.raises(FileExistsError, match="holds a run already"):
+        train(args)
+
+
+def test_a_tiny_run_of_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    section = read_hyperparameters(HYPERPARAMS / "ppo_pixels.yml", "AirHockeyHit-v0")
+    assert section.model["policy"] == "CnnPolicy"
+    text = (HYPERPARAMS / "ppo_pixels.yml").read_text()
+    for name, value in (("n_envs", 2), ("n_steps", 4), ("batch_size", 8), ("n_epochs", 1)):
+        before = next(line for line in text.splitlines() if line.startswith(f"  {name}:"))
+        text = text.replace(before, f"  {name}: {value}")
+    Path("tiny.yml").write_text(text)
+    args = AlgorithmArgs(
+        env="AirHockeyDefend-v0", obs_type="grayscale", hyperparams=Path("tiny.yml"), name="tiny", steps=8,
+        evaluations=1, eval_episodes=2, report_episodes=2,
+    )  # fmt: skip
+    folder = train(args)
+    assert ALGORITHMS["ppo"].load(folder.model, device="cpu").observation_space.shape == (3, 84, 84)
+    assert not folder.policy.exists(), "it cannot play without torch"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--algo", "dreamer"), "--algo must be one of"),
+        (("--env", "CartPole-v1"), "--env must have a section in"),
+        (("--obs-type", "sound"), "--obs-type must be one of"),
+        (("--algo", "sac", "--obs-type", "rgb"), "there is no file"),
+        (("--hyperparams", "none.yml"), "there is no file none.yml"),
+        (("--hyperparams", "damaged.yml"), "is not a YAML file"),
+        (("--hyperparams", "empty.yml"), "--env must have a section"),
+        (("--hyperparams", "wrong.yml"), "is not in RL-Zoo's format"),
+        (("--hyperparams", "unknown.yml"), "hyperparameters do not fit ppo"),
+        (("--steps", "0"), "--steps must be 1 or more"),
+        (("--eval-episodes", "0"), "--eval-episodes must be 1 or more"),
+        (("--name", "../outside"), "--name must be a folder's name"),
+    ],
+)
+def test_bad_arguments_write_nothing(
+    arguments: tuple[str, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("damaged.yml").write_text("AirHockeyHit-v0: {")
+    Path("empty.yml").write_text("")
+    Path("wrong.yml").write_text("AirHockeyHit-v0: {n_timesteps: many}")
+    Path("unknown.yml").write_text("AirHockeyHit-v0: {n_timesteps: 9, policy: MlpPolicy, tau: 0.1}")
+    monkeypatch.setattr(sys, "argv", ["train", *arguments])
+    with pytest.raises(SystemExit) as stop:
+        main()
+    assert message in str(stop.value.code)
+    assert not Path("runs").exists()
+
+
+@pytest.mark.skipif(importlib.util.find_spec("rl_zoo3") is None, reason='needs the extra "zoo"')
+@pytest.mark.parametrize("path", sorted(HYPERPARAMS.glob("*.yml")), ids=lambda path: path.stem)
+def test_rl_zoo_reads_the_same_files(path: Path, tmp_path: Path) -> None:
+    algo = path.stem.removesuffix("_pixels")
+    smaller = ("n_envs:2", "batch_size:8", *(("n_steps:8",) if algo == "ppo" else ("learning_starts:8",)))
+    done = subprocess.run(
+        [
+            *(sys.executable, "-m", "rl_zoo3.train", "--algo", algo, "--env", "AirHockeyHit-v0", "--conf-file", path),
+            *("--gym-packages", "airhockey_env", "-n", "32", "--eval-freq", "-1", "--log-folder", tmp_path),
+            *("--device", "cpu", "--hyperparams", *smaller),
+        ],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    model = ALGORITHMS[algo].load(tmp_path / algo / "AirHockeyHit-v0_1" / "AirHockeyHit-v0.zip", device="cpu")
+    assert model.num_timesteps >= 32
