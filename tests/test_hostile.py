@@ -1,4 +1,4 @@
-"""The laws hold whatever the paddles do, on every table, at every rate; `tests.hostile` plays and checks."""
+"""The laws hold whatever the paddles do, on every table, at every rate; `scripts.torturing` plays and checks."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import pytest
 from airhockey_env.engine.records import CONTACT
 from airhockey_env.game import Game
 from airhockey_env.physics import FIELDS, check_ranges
-from airhockey_env.records import CONTACT_ROWS, LEFT, PUCK, RIGHT
+from airhockey_env.records import CONTACT_ROWS, LEFT, OBSERVATION_SIZE, PUCK, RIGHT
 from airhockey_env.tables import FULL_SIZE
-from tests import hostile
+from scripts.torturing import hostile, laws, tables
 
 STEPS = 12_000
 
 
-@pytest.mark.parametrize("name", hostile.SPECS)
+@pytest.mark.parametrize("name", tables.SPECS)
 def test_the_laws_hold_in_hostile_play(name):
-    reports = [hostile.play_hostile(name, rate, STEPS, seed=5) for rate in hostile.RATES]
-    assert [report.failure for report in reports] == [""] * len(hostile.RATES)
+    reports = [hostile.play_hostile(name, rate, STEPS, seed=5) for rate in tables.RATES]
+    assert [report.failure for report in reports] == [""] * len(tables.RATES)
     # It was hostile: contacts of both kinds, squeezed pucks, pinned pucks and points.
     paddle, edge, crowded, pinned, points = np.sum([report[2:7] for report in reports], axis=0)
     assert min(paddle, edge) > STEPS / 4
@@ -30,14 +30,14 @@ def test_the_laws_hold_in_hostile_play(name):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_laws_hold_in_hostile_play_on_random_tables(seed):
-    for rate in hostile.RATES:
-        assert hostile.play_hostile(hostile.RANDOM, rate, 2000, seed).failure == ""
+    for rate in tables.RATES:
+        assert hostile.play_hostile(tables.RANDOM, rate, 2000, seed).failure == ""
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_laws_hold_in_hostile_play_on_tables_drawn_anew_for_every_episode(seed):
-    for rate in hostile.RATES:
-        report = hostile.play_hostile(hostile.RANDOMIZED, rate, STEPS, seed)
+    for rate in tables.RATES:
+        report = hostile.play_hostile(tables.RANDOMIZED, rate, STEPS, seed)
         assert report.failure == ""
         assert report.drawn >= STEPS / hostile.EPISODE
 
@@ -46,7 +46,7 @@ def test_hostile_tables_are_drawn_widely():
     """A few tables from a few ranges cover most of what tables may be."""
     drawn = []
     for seed in range(20):
-        game = Game(50, opponent="idle", **hostile.table_of(hostile.RANDOMIZED, seed, 50.0))
+        game = Game(50, opponent="idle", **tables.table_of(tables.RANDOMIZED, seed, 50.0))
         assert game.randomized == FIELDS
         game.seed(range(50))
         game.reset()
@@ -60,9 +60,9 @@ def test_hostile_tables_are_drawn_widely():
 
 
 def test_hostile_play_repeats_to_the_bit():
-    first, second = (hostile.play_hostile(hostile.RANDOMIZED, 50.0, 4000, seed=8) for _ in range(2))
+    first, second = (hostile.play_hostile(tables.RANDOMIZED, 50.0, 4000, seed=8) for _ in range(2))
     assert first == second
-    assert first != hostile.play_hostile(hostile.RANDOMIZED, 50.0, 4000, seed=9)
+    assert first != hostile.play_hostile(tables.RANDOMIZED, 50.0, 4000, seed=9)
 
 
 def _put(position):
@@ -92,52 +92,91 @@ def _contact(**values):
 HALF_LENGTH, HALF_WIDTH, HALF_GOAL = 0.5 * FULL_SIZE.length, 0.5 * FULL_SIZE.width, 0.5 * FULL_SIZE.goal_width
 R = FULL_SIZE.puck_radius
 REACH = R + FULL_SIZE.paddle_radius
-DEEP = 3.0 * hostile.OVERLAP
+DEEP = 3.0 * laws.OVERLAP
+
+
+def check(before, game, contacts, reward=0.0, terminated=False, truncated=False):
+    work = np.zeros((1, OBSERVATION_SIZE), np.float32), laws.new_tally()
+    rules = game.settings[0]
+    return laws.check_step(
+        before, game.tables[0], game.physics[0], rules, contacts, reward, terminated, truncated, *work
+    )
 
 
 @pytest.mark.parametrize(
     ("change", "failure"),
     [
-        (lambda table, contacts: None, hostile.FINE),
-        (_set("position", (PUCK, 0), math.nan), hostile.FINITE),
-        (_set("velocity", (RIGHT, 1), math.inf), hostile.FINITE),
-        (_put((-0.8 * HALF_LENGTH + REACH - DEEP, 0.0)), hostile.PADDLE),
-        (_put((0.8 * HALF_LENGTH, REACH - DEEP)), hostile.PADDLE),
-        (_put((0.3, HALF_WIDTH - R + DEEP)), hostile.EDGE),
-        (_put((0.3, HALF_WIDTH - R - DEEP)), hostile.FINE),
-        (_put((-HALF_LENGTH + R - DEEP, 0.4)), hostile.EDGE),
-        (_put((HALF_LENGTH, HALF_GOAL - R + DEEP)), hostile.EDGE),
-        (_put((HALF_LENGTH, HALF_GOAL - R - DEEP)), hostile.FINE),
-        (_put((HALF_LENGTH + DEEP, 0.0)), hostile.EDGE),
-        (_put((9.0, 0.0)), hostile.EDGE),
-        (_set("position", (LEFT, 0), 0.1), hostile.CONFINED),
-        (_set("position", (RIGHT, 1), -HALF_WIDTH), hostile.CONFINED),
-        (_set("velocity", (PUCK, 0), -12.001), hostile.PUCK_SPEED),
-        (_set("velocity", (LEFT, 1), 5.001), hostile.PADDLE_SPEED),
-        (_set("velocity", (PUCK, 0), 1.5), hostile.ENERGY),
-        (_set("clock", (), 400), hostile.OBSERVED),
-        (_contact(), hostile.FINE),
-        (_contact(time=0.009), hostile.CONTACTS),
-        (_contact(time=0.021), hostile.CONTACTS),
-        (_contact(a=LEFT), hostile.CONTACTS),
-        (_contact(b=RIGHT), hostile.CONTACTS),
-        (_contact(nx=0.1), hostile.CONTACTS),
-        (_contact(impulse=0.0), hostile.CONTACTS),
-        (_contact(x=1.5), hostile.CONTACTS),
+        (lambda table, contacts: None, laws.FINE),
+        (_set("position", (PUCK, 0), math.nan), laws.FINITE),
+        (_set("velocity", (RIGHT, 1), math.inf), laws.FINITE),
+        (_put((-0.8 * HALF_LENGTH + REACH - DEEP, 0.0)), laws.PADDLE),
+        (_put((0.8 * HALF_LENGTH, REACH - DEEP)), laws.PADDLE),
+        (_put((0.3, HALF_WIDTH - R + DEEP)), laws.EDGE),
+        (_put((0.3, HALF_WIDTH - R - DEEP)), laws.FINE),
+        (_put((-HALF_LENGTH + R - DEEP, 0.4)), laws.EDGE),
+        (_put((HALF_LENGTH, HALF_GOAL - R + DEEP)), laws.EDGE),
+        (_put((HALF_LENGTH, HALF_GOAL - R - DEEP)), laws.FINE),
+        (_put((HALF_LENGTH + DEEP, 0.0)), laws.EDGE),
+        (_put((9.0, 0.0)), laws.EDGE),
+        (_set("position", (LEFT, 0), 0.1), laws.CONFINED),
+        (_set("position", (RIGHT, 1), -HALF_WIDTH), laws.CONFINED),
+        (_set("velocity", (PUCK, 0), -12.001), laws.PUCK_SPEED),
+        (_set("velocity", (LEFT, 1), 5.001), laws.PADDLE_SPEED),
+        (_set("velocity", (PUCK, 0), 1.5), laws.ENERGY),
+        (_set("clock", (), 400), laws.OBSERVED),
+        (_set("clock", (), 0), laws.CLOCK),
+        (_set("side", (), 1), laws.FINE),
+        (_set("side", (), -1), laws.CLOCK),
+        (_set("score", (0,), 1), laws.SCORE),
+        (_set("score", (1,), -1), laws.SCORE),
+        (_set("steps", (), 2), laws.ENDED),
+        (_set("done", (), True), laws.ENDED),
+        (_contact(), laws.FINE),
+        (_contact(time=0.009), laws.CONTACTS),
+        (_contact(time=0.021), laws.CONTACTS),
+        (_contact(a=LEFT), laws.CONTACTS),
+        (_contact(b=RIGHT), laws.CONTACTS),
+        (_contact(nx=0.1), laws.CONTACTS),
+        (_contact(impulse=0.0), laws.CONTACTS),
+        (_contact(x=1.5), laws.CONTACTS),
     ],
 )
 def test_each_check_sees_what_it_is_for(change, failure):
     game = Game(1, opponent="idle")
     game.reset()
+    game.tables["side"] = 1
     game.tables["position"][0, PUCK] = (0.2, 0.1)
     contacts = np.zeros(CONTACT_ROWS, CONTACT)
+    before = game.tables[0].copy()
+    before["velocity"][PUCK] = 1.0, 0.0
+    game.tables["steps"], game.tables["clock"] = 1, 1
     change(game.tables, contacts)
-    tally, seen = np.zeros(7), np.zeros((1, 13), np.float32)
-    assert hostile._check(game.tables[0], game.physics[0], contacts, False, 1.0, seen, tally) == failure
+    assert check(before, game, contacts) == failure
+
+
+@pytest.mark.parametrize(
+    ("told", "failure"),
+    [
+        ({"reward": 1.0, "terminated": True}, laws.FINE),
+        ({"reward": -1.0, "terminated": True}, laws.SCORE),
+        ({"reward": 1.0}, laws.ENDED),
+        ({"reward": 1.0, "terminated": True, "truncated": True}, laws.ENDED),
+    ],
+)
+def test_the_check_of_a_goal_sees_what_it_is_for(told, failure):
+    game = Game(1, opponent="idle")
+    game.reset()
+    game.tables["side"], game.tables["clock"] = 1, 3
+    before = game.tables[0].copy()
+    game.tables["position"][0, PUCK] = HALF_LENGTH, 0.0
+    game.tables["score"][0, LEFT], game.tables["steps"], game.tables["done"] = 1, 1, True
+    if "terminated" not in told:
+        game.tables["done"], game.tables["clock"] = False, 0
+    assert check(before, game, np.zeros(CONTACT_ROWS, CONTACT), **told) == failure
 
 
 def test_the_check_of_ranges_sees_what_it_is_for():
     game = Game(1, opponent="idle")
-    assert hostile._in_ranges(game.physics[0], check_ranges(FULL_SIZE, {"length": (FULL_SIZE.length, 2.5)}))
-    assert not hostile._in_ranges(game.physics[0], check_ranges(FULL_SIZE, {"length": (2.4, 2.5)}))
-    assert not hostile._in_ranges(game.physics[0], check_ranges(FULL_SIZE, {"drag_linear": (0.1, 0.2)}))
+    assert laws.in_ranges(game.physics[0], check_ranges(FULL_SIZE, {"length": (FULL_SIZE.length, 2.5)}))
+    assert not laws.in_ranges(game.physics[0], check_ranges(FULL_SIZE, {"length": (2.4, 2.5)}))
+    assert not laws.in_ranges(game.physics[0], check_ranges(FULL_SIZE, {"drag_linear": (0.1, 0.2)}))

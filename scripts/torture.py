@@ -1,0 +1,100 @@
+"""Look for trouble: hostile play and trials of every face, with all laws checked: python -m scripts.torture"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from agents.checks import check_ranges
+from scripts._command import run_command
+from scripts.torturing.cases import Case
+from scripts.torturing.chamber import Tally, save_cases, torture
+from scripts.torturing.hostile import play_hostile
+from scripts.torturing.trial import play_case
+
+REGRESSIONS = Path(__file__).parents[1] / "tests" / "regressions"
+
+
+@dataclass(frozen=True)
+class TortureArgs:
+    """Play against the game for as long as you like, and check the laws after every step.
+
+    Whatever breaks one is written to a file that reproduces it; the exit code is 1 then. Ctrl-C reports what was done.
+    """
+
+    seconds: float = 60.0
+    """To play for; what is under way then is finished."""
+    steps: int | None = None
+    """Stop after so many steps, if that is sooner."""
+    seed: int = 0
+    """All that is played follows from it and from the number of the bout."""
+    first: int = 0
+    """Number of the bout to begin with: to go on where another run has stopped."""
+    jobs: int = 1
+    """Processes to play in."""
+    out: Path = REGRESSIONS
+    """Folder for the files of failures; the tests play all of those in the one that it is by default."""
+    replay: Path | None = None
+    """Play one such file, and nothing else."""
+
+
+def torture_chamber(args: TortureArgs) -> None:
+    """Play, print, and write.
+
+    Raises:
+        ValueError, OSError: an argument does not fit.
+    """
+    from tqdm import tqdm
+
+    check_ranges(args, seconds=(0, 1e9), steps=(1, 10**15), seed=(0, 10**9), first=(0, 10**9), jobs=(1, 1024))
+    if args.replay is not None:
+        law = play_case(Case.load(args.replay))
+        print(f"{args.replay}: {law or 'all laws hold'}")
+        sys.exit(1 if law else 0)
+    total, stopped = Tally(), False
+    play_hostile("full_size", 50.0, 1, seed=0)  # compile before the clock runs
+    start = time.perf_counter()
+    try:
+        with tqdm(total=math.ceil(args.seconds), unit="s", desc="torture", leave=False, disable=None) as bar:
+            for tally in torture(args.seed, args.seconds, args.steps, args.jobs, args.first):
+                total.add(tally)
+                save_cases(total, args.out, args.seed)
+                bar.set_postfix_str(f"{total.steps:.3g} steps, {len(total.cases)} failures")
+                bar.update(min(int(time.perf_counter() - start), bar.total) - bar.n)
+    except KeyboardInterrupt:
+        stopped = True
+    print_tally(total, time.perf_counter() - start, args)
+    if stopped:
+        raise KeyboardInterrupt
+    if total.cases:
+        sys.exit(1)
+
+
+def print_tally(tally: Tally, seconds: float, args: TortureArgs) -> None:
+    """What was played, and what was found."""
+    paddle, edge, crowded, pinned, points, drawn = tally.counts
+    print(
+        f"seed {args.seed}, bouts {args.first} to {args.first + tally.bouts - 1}: {tally.steps:,} steps "
+        f"in {seconds:.0f} s\n"
+        f"  hostile play: {tally.hostile_steps:,} steps, {paddle:,} contacts with paddles, {edge:,} with walls and "
+        f"posts, {crowded:,} steps with 8 or more, {pinned:,} that left the puck pinned, {points:,} points, "
+        f"{drawn:,} tables drawn\n"
+        f"  trials of faces: {tally.trials:,}, of which {tally.refused:,} ended with bad arguments; "
+        f"{tally.operations:,} operations, {tally.trial_steps:,} steps\n"
+        f"  deepest overlap: {tally.worst:.2g} m\n"
+        f"  failures: {len(tally.cases)}"
+    )
+    for case, path in zip(tally.cases, tally.files, strict=True):
+        print(f"    {case.law}: {path}")
+
+
+def main() -> None:
+    """Read the command line and play."""
+    run_command("torture", TortureArgs, torture_chamber)
+
+
+if __name__ == "__main__":
+    main()
