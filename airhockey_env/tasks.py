@@ -77,7 +77,7 @@ def end_points(table, settings, point):
 def start_hit(table, physics):
     """The puck rests anywhere on the middle of the own side, the own paddle somewhere near home."""
     park(table, physics)
-    table.position[LEFT, 1] = draw_between(table, -0.5, 0.5) * physics.half_width
+    stand(table, physics, -HOME * physics.half_length, draw_between(table, -0.5, 0.5) * physics.half_width)
     table.position[PUCK, 0] = -physics.half_length * draw_between(table, 0.1, 0.5)
     table.position[PUCK, 1] = (physics.half_width - 1.5 * physics.radius[PUCK]) * draw_between(table, -1.0, 1.0)
     give(table, -1)
@@ -95,10 +95,11 @@ def end_hit(table, point, foul):
 def start_defend(table, physics):
     """A shot comes from the far side, straight or off a side wall, at 2 to 9 m/s; the paddle is somewhere near home."""
     park(table, physics)
-    table.position[LEFT, 0] = -physics.half_length * draw_between(table, 0.6, 0.9)
-    table.position[LEFT, 1] = physics.half_width * draw_between(table, -0.5, 0.5)
+    own_x = -physics.half_length * draw_between(table, 0.6, 0.9)
+    stand(table, physics, own_x, physics.half_width * draw_between(table, -0.5, 0.5))
     wall = physics.half_width - physics.radius[PUCK]
-    x = physics.half_length * draw_between(table, 0.0, 0.6)
+    clear = table.position[RIGHT, 0] - physics.radius[RIGHT] - physics.radius[PUCK]  # of the parked paddle
+    x = min(physics.half_length * draw_between(table, 0.0, 0.6), clear)
     y = 0.95 * wall * draw_between(table, -1.0, 1.0)
     speed = min(draw_between(table, 2.0, 9.0), physics.puck_speed)
     goal_y = (physics.half_goal - physics.radius[PUCK]) * draw_between(table, -1.0, 1.0)
@@ -124,6 +125,14 @@ def end_defend(table, point, foul):
     returned = table.side > 0 and vx >= 0.0
     caught = vx * vx + vy * vy < CAUGHT * CAUGHT
     return point != 0 or foul or returned or caught, point >= 0
+
+
+@inlined
+def stand(table, physics, x, y):
+    """Put the own paddle on a place or, where a large paddle on a small table has no room there, next to it."""
+    far, side = physics.half_length - physics.radius[LEFT], physics.half_width - physics.radius[LEFT]
+    table.position[LEFT, 0] = max(x, -far)
+    table.position[LEFT, 1] = min(max(y, -side), side)
 
 
 @compiled

@@ -16,7 +16,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from airhockey_env.game import Game
-from airhockey_env.records import OBSERVATION_SIZE
+from airhockey_env.records import OBSERVATION_SIZE, RIGHT
 from scripts.torturing.cases import Case, decode_state, decoded
 from scripts.torturing.faces import FACES, Seen
 from scripts.torturing.hostile import play_hostile
@@ -189,9 +189,15 @@ class Trial:
         what = {name: value for name, value in operation.items() if name != "do"}
         getattr(self, f"_do_{operation['do'].replace(' ', '_')}")(**what)
         if self.face is not None and self.begun:
-            self._agree(
-                "states", self.face.env.get_state(), np.concatenate([row.game.get_state() for row in self.rows])
-            )
+            ours, theirs = self.face.env.get_state(), np.concatenate([row.game.get_state() for row in self.rows])
+            self._agree("states", self._known(ours), self._known(theirs))
+
+    def _known(self, state: NDArray[np.void]) -> NDArray[np.void]:
+        """A state without the right players' potentials, where these are not kept: no policy from outside plays."""
+        if self.rows[0].game.opponents:
+            table = state["table"] if "table" in (state.dtype.names or ()) else state
+            table["potential"][:, RIGHT] = 0.0
+        return state
 
     def _do_reset(self, seed: Any = None, options: Any = None, mask: Any = None, bad: bool = False) -> None:
         try:
