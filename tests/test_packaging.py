@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import os
+import shutil
 import subprocess
 import sys
+import venv
+import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import airhockey_env
+from airhockey_env.policy import MlpPolicy
+from tests.faces import IDS
 
 ROOT = Path(__file__).parents[1]
 
@@ -35,9 +42,79 @@ def test_the_wheel_holds_the_package_and_nothing_else() -> None:
         path.parent.relative_to(ROOT).as_posix().replace("/", ".") for path in ROOT.glob("airhockey_env/**/*.py")
     }
     assert set(found) - {name for name in found if name.endswith("__pycache__")} == folders
-    data = project["tool"]["setuptools"]["package-data"]["airhockey_env"]
-    assert "py.typed" in data
-    assert all(list((ROOT / "airhockey_env").glob(pattern)) for pattern in data)
+
+
+CHILD = """
+import importlib.util, sys
+import gymnasium, airhockey_env
+from gymnasium.utils.env_checker import check_env
+
+assert airhockey_env.__file__.startswith(sys.prefix), airhockey_env.__file__
+heavy = "torch stable_baselines3 pettingzoo pygame PIL matplotlib agents scripts benchmarks tests"
+assert not [name for name in heavy.split() if importlib.util.find_spec(name)]
+from airhockey_env.policy import MlpPolicy
+from airhockey_env.trained import trained_policy
+
+mine = MlpPolicy.load("policy.npz")
+assert isinstance(trained_policy("probe"), MlpPolicy)
+for name in sorted(name for name in gymnasium.registry if name.startswith("AirHockey")):
+    for opponent in ("striker", mine):
+        env = gymnasium.make(name, opponent=opponent, max_episode_steps=50, disable_env_checker=True)
+        check_env(env.unwrapped, skip_render_check=True)
+        env.reset(seed=0)
+        for step in range(50):
+            done = env.step([1.0, 0.2])[2:4]
+            if any(done):
+                break
+        envs = gymnasium.make_vec(name, num_envs=3, opponent=opponent)
+        envs.reset(seed=0)
+        envs.step(envs.action_space.sample())
+        print(name)
+"""
+
+
+def test_the_wheel_plays_in_an_empty_environment(tmp_path: Path) -> None:
+    """Installed outside the checkout, with the base dependencies and nothing else beside it."""
+    pytest.importorskip("setuptools", "77")  # reads the licence's new form
+    source = tmp_path / "source"
+    ignored = shutil.ignore_patterns("__pycache__")
+    for name in ("airhockey_env", "agents", "scripts"):
+        shutil.copytree(ROOT / name, source / name, ignore=ignored)
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, source / name)
+    layers = [np.zeros((4, 13)), np.zeros((2, 4))]
+    policy = MlpPolicy(layers, [np.zeros(4), np.zeros(2)])
+    policy.save(source / "airhockey_env" / "trained" / "probe.npz")  # package data
+    policy.save(tmp_path / "policy.npz")
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check"]
+    build = [*pip, "wheel", "-q", "--no-deps", "--no-build-isolation", "--no-index", "-w", str(tmp_path), str(source)]
+    subprocess.run(build, check=True, cwd=tmp_path)
+    (wheel,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(wheel) as file:
+        names = file.namelist()
+    assert {name.split("/")[0] for name in names} == {"airhockey_env", wheel.name.rsplit("-", 3)[0] + ".dist-info"}
+    assert {"airhockey_env/py.typed", "airhockey_env/trained/probe.npz"} <= set(names)
+
+    venv.create(tmp_path / "empty", symlinks=os.name != "nt")
+    python = next(path for path in (tmp_path / "empty").glob("[bS]*/python*") if path.name in ("python", "python.exe"))
+    where = "import sysconfig; print(sysconfig.get_paths()['purelib'])"
+    done = subprocess.run([python, "-c", where], capture_output=True, text=True, check=True)
+    site = Path(done.stdout.strip())
+    install = [*pip, "--python", str(python), "install", "-q", "--no-deps", "--no-index", str(wheel)]
+    subprocess.run(install, check=True, cwd=tmp_path)
+    for name in ("numpy", "numba", "llvmlite", "gymnasium", "cloudpickle", "farama-notifications", "typing_extensions"):
+        distribution = importlib.metadata.distribution(name)
+        for top in {path.parts[0] for path in distribution.files or ()} - {"..", "__pycache__"}:
+            if not (site / top).exists():
+                (site / top).symlink_to(Path(str(distribution.locate_file(top))))
+    for cache in ROOT.glob("airhockey_env/**/__pycache__/*.nb[ic]"):  # of the same sources: or it compiles for long
+        target = site / cache.relative_to(ROOT)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(cache, target)
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    played = subprocess.run([python, "-c", CHILD], cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert played.returncode == 0, played.stderr
+    assert sorted(set(played.stdout.split())) == IDS
 
 
 def test_base_dependencies_are_three() -> None:
