@@ -19,6 +19,7 @@ import pytest
 from agents.evaluation import OPPONENTS
 from agents.models import load_ppo
 from airhockey_env.policy import MlpPolicy
+from scripts.bench.measure import Effort
 
 ROOT = Path(__file__).parents[1]
 SCRIPTS = sorted(path.stem for path in ROOT.glob("scripts/[!_]*.py"))
@@ -401,15 +402,28 @@ class TestRecordVideo:
 
 
 class TestBenchmark:
-    def test_a_short_one(self, tmp_path: Path, call: Call) -> None:
-        printed = call(
-            *("benchmark", "--rounds", "1", "--seconds", "0.01", "--num-envs", "8", "--no-training", "--no-start"),
-            *("--json", "result.json"),
-        )
-        assert "batch of 8" in printed
-        written = json.loads((tmp_path / "result.json").read_text())
-        assert all(speed["best"] > 0.0 for speed in written["steps_per_second"].values())
+    def test_a_quick_one(self, tmp_path: Path, call: Call) -> None:
+        page = "# Speed\n\n<!-- table {part} -->\n<!-- end of table {part} -->\n"
+        (tmp_path / "page.md").write_text(page.format(part="batch"))
+        files = ("--json", "result.json", "--plot", "plot.png", "--page", "page.md")
+        printed = call("benchmark", "--quick", "--only", "batch", *files)
+        assert "compiled step" in printed
+        rows = json.loads((tmp_path / "result.json").read_text())["batch"]
+        assert {row["at"] for row in rows} == {1, 16, 256}
+        assert all(row["best"] >= row["per_second"] > 0.0 for row in rows)
+        assert "| tables |" in (tmp_path / "page.md").read_text()
+        assert (tmp_path / "plot.png").stat().st_size > 10_000
 
-    @pytest.mark.parametrize("arguments", [("--rounds", "0"), ("--num-envs", "0"), ("--seconds", "nan")])
+    @pytest.mark.parametrize("part", ["single", "options", "pucks", "start", "training"])
+    def test_every_part(self, part: str) -> None:
+        module = import_module(f"scripts.bench.{part}")
+        rows, _ = module.measure(Effort(1, 0.001, quick=True))
+        assert rows
+        head, *cells = module.table(rows)
+        assert cells and all(len(line) == len(head) for line in cells)
+
+    @pytest.mark.parametrize(
+        "arguments", [("--rounds", "0"), ("--seconds", "nan"), ("--json", "no/x.json"), ("--page", "none.md")]
+    )
     def test_bad_arguments(self, arguments: tuple[str, str], call: Call) -> None:
         assert arguments[0] in call("benchmark", *arguments, fails=True)

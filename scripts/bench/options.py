@@ -1,0 +1,41 @@
+"""What the options of the game cost, in a batch on one core; and pictures."""
+
+from __future__ import annotations
+
+from airhockey_env.sensing import ROBOT
+from scripts.bench import games
+from scripts.bench.measure import Effort, Row, ratio, run
+
+TITLE = "Options"
+SIZE = 4096
+DEFAULT = "default: striker, states, sparse reward"
+
+
+def measure(effort: Effort) -> tuple[list[Row], list[str]]:
+    """Rows, and nothing to be said."""
+    n = 256 if effort.quick else SIZE
+    ranges = {"wall_restitution": (0.7, 0.9), "puck_mass": (0.03, 0.05)}
+    measures = [
+        games.batch(DEFAULT, n),
+        games.batch('opponent="idle"', n, opponent="idle"),
+        games.batch('opponent="goalie"', n, opponent="goalie"),
+        games.batch('opponent="expert"', n, opponent="expert"),
+        games.batch('reward="shaped"', n, reward="shaped"),
+        games.batch("randomize of two fields", n, randomize=ranges),
+        games.batch('obs_type="rgb"', n, obs_type="rgb"),
+        games.batch('obs_type="grayscale"', n, obs_type="grayscale"),
+        games.batch("seen by the camera ROBOT", n, camera=ROBOT),
+        games.both_sides("both players from outside (Game)", n),
+        games.pictures("render() of one table, pictures/s"),
+    ]
+    return run(measures, effort), []
+
+
+def table(rows: list[Row]) -> list[tuple[str, ...]]:
+    """A row each."""
+    cells: list[tuple[str, ...]] = [("what", "tables", "steps/s", "to the default")]
+    for row in rows:
+        share = ratio(rows, row, DEFAULT)
+        shown = "" if share is None else f"{share:.2f}"
+        cells.append((row["what"], f"{row['at']:,}", f"{row['per_second']:,.0f}", shown))
+    return cells
