@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from airhockey_env.compiled import records
+from airhockey_env.compiled import compiled, machine_code, records
 from airhockey_env.engine.advance import advance
 from airhockey_env.engine.discrete import advance_discrete
+from airhockey_env.engine.near import FEWEST, find_near, make_near
 from airhockey_env.engine.records import CONTACT, SURFACE, Discs
 from airhockey_env.engine.tolerances import OVERLAP, TABLE_CONTACTS
 
@@ -40,6 +42,43 @@ def _share(name: str, value: float) -> float:
 def _recorded(buffer: NDArray[np.void], count: int) -> NDArray[np.void]:
     """The first contacts of a buffer, as a plain array of their own."""
     return np.array(buffer[:count].view(np.ndarray))
+
+
+@compiled
+def play_part(discs, driven, surface, start, dt, limit, contacts, near):
+    """Play a step of `dt` seconds, or what is left of it, until the buffer of contacts is full.
+
+    Args:
+        discs, limit, contacts, near: see `advance`.
+        driven: (n, 2), keeps the velocities of driven discs.
+        surface: (1,) `SURFACE`.
+        start: s; negative for a new step.
+
+    Returns:
+        (s that were played, contacts); contacts are -1 if something is not finite, and nothing has moved then.
+    """
+    n = discs.position.shape[0]
+    if start < 0.0:
+        start = 0.0
+        for a in range(n):
+            for axis in range(2):
+                if not (math.isfinite(discs.position[a, axis]) and math.isfinite(discs.velocity[a, axis])):
+                    return 0.0, -1
+        for a in range(n):
+            discs.hits[a] = 0
+            driven[a, 0], driven[a, 1] = discs.velocity[a, 0], discs.velocity[a, 1]
+    if near is not None:
+        find_near(near, discs, dt - start)
+    outcome = advance(discs, surface[0], start, dt, limit, contacts, True, near)
+    if outcome.contacts < contacts.shape[0]:
+        for a in range(n):
+            if discs.inverse_mass[a] == 0.0:  # those that gave way did so for this step only
+                discs.velocity[a, 0], discs.velocity[a, 1] = driven[a, 0], driven[a, 1]
+    return outcome.elapsed, outcome.contacts
+
+
+_play_parts: dict[bool, Callable[..., tuple[float, int]]] = {}
+"""The machine code of `play_part` without and with pairs that are near, once it is needed."""
 
 
 class AirTable:
@@ -117,6 +156,8 @@ class AirTable:
         self._check_places()
         self._hits = np.zeros(n, np.int32)
         self._buffer = records(max(64, 4 * n), CONTACT)
+        self._driven = np.zeros((n, 2))
+        self._near = make_near(n) if n >= FEWEST else None
 
     @property
     def positions(self) -> NDArray[np.float64]:
@@ -182,32 +223,35 @@ class AirTable:
         """
         if isinstance(dt, bool) or not isinstance(dt, Real) or not (0.0 < dt < math.inf):
             raise ValueError(f"dt must be a finite number of seconds greater than 0, got {dt!r}")
-        self._check_motion()
-        contacts = self._step_continuous(float(dt)) if self.method == "continuous" else self._step_discrete(float(dt))
-        self.time += float(dt)
+        dt = float(dt)
+        contacts = self._step_continuous(dt) if self.method == "continuous" else self._step_discrete(dt)
+        self.time += dt
         return contacts
 
     def _discs(self) -> Discs:
         return Discs(self._positions, self._velocities, self._radii, self._inverse_masses, self._hits)
 
     def _step_continuous(self, dt: float) -> NDArray[np.void]:
-        driven = self._velocities[self._inverse_masses == 0.0]
         limit = int(min(TABLE_CONTACTS * max(1.0, dt), 2.0**30))
-        self._hits[:] = 0
-        parts = []
-        elapsed = 0.0
-        buffer = self._buffer
-        while True:
-            outcome = advance(self._discs(), self._surface[0], elapsed, dt, limit, buffer, True)
-            parts.append(_recorded(buffer, outcome.contacts))
-            elapsed = outcome.elapsed
-            if outcome.contacts < len(buffer):
-                break
+        discs, buffer, near = self._discs(), self._buffer, self._near
+        play = _play_parts.get(near is None)
+        if play is None:
+            arguments = (discs, self._driven, self._surface, -1.0, dt, limit, buffer, near)
+            play = _play_parts[near is None] = machine_code(play_part, *arguments)
+        elapsed, count = play(discs, self._driven, self._surface, -1.0, dt, limit, buffer, near)
+        if count < 0:
+            self._check_motion()
+        if count < len(buffer):
+            return _recorded(buffer, count)
+        parts = [_recorded(buffer, count)]
+        while count == len(buffer):
             buffer = records(2 * len(buffer), CONTACT)  # full: go on where it paused, with more room
-        self._velocities[self._inverse_masses == 0.0] = driven  # those that gave way did so for this step only
+            elapsed, count = play(discs, self._driven, self._surface, elapsed, dt, limit, buffer, near)
+            parts.append(_recorded(buffer, count))
         return np.concatenate(parts)
 
     def _step_discrete(self, dt: float) -> NDArray[np.void]:
+        self._check_motion()
         positions, velocities = self._positions.copy(), self._velocities.copy()
         buffer = self._buffer
         while True:

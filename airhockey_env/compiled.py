@@ -89,6 +89,18 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     return _compile(function, forceinline=True)
 
 
+def machine_code(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
+    """A compiled function for arguments of the types of these ones.
+
+    Numba looks at the types of all arguments in every call, which takes longer than a step of one table. What this
+    returns does not: it must be called with arguments of the same types and layouts, and takes read-only arrays too.
+    """
+    if config.DISABLE_JIT:  # type: ignore[attr-defined]
+        return function
+    dispatcher: Any = function
+    return dispatcher.compile(tuple(map(numba.typeof, arguments)))
+
+
 def _compile(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
     dispatcher: Any = numba.njit(function, nogil=True, error_model="numpy", **options)
     if not config.DISABLE_JIT:  # type: ignore[attr-defined]

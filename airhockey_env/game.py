@@ -13,7 +13,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env import kernel
-from airhockey_env.compiled import records
+from airhockey_env.compiled import machine_code, records
 from airhockey_env.engine.records import CONTACT
 from airhockey_env.engine.tolerances import OVERLAP
 from airhockey_env.opponents import EXTERNAL, SCRIPTED
@@ -98,6 +98,10 @@ class Group(NamedTuple):
     rows: slice | NDArray[np.int64]  # n tables; a slice where they follow each other
     seen: NDArray[np.float32]  # (n, 13), read-only: a view of all observations with a slice, else of `copied`
     copied: NDArray[np.float32] | None  # (n, 13), filled in every step
+
+
+_step_code: list[Callable[..., None]] = []
+"""The machine code of `kernel.step_rows`, once it is needed: its arguments are of the same types in every game."""
 
 
 class Game:
@@ -244,7 +248,7 @@ class Game:
         if not self.continuous:
             return _directions(name, action, ())
         usual = isinstance(action, np.ndarray) and action.dtype == np.float32 and action.shape == (2,)
-        if usual and math.isfinite(action[0]) and math.isfinite(action[1]):  # quickly
+        if usual and action.flags.c_contiguous and math.isfinite(action[0]) and math.isfinite(action[1]):  # quickly
             return action.reshape(1, 2)
         return _velocities(name, action, (2,)).reshape(1, 2)
 
@@ -448,7 +452,10 @@ class Game:
             part.result()
 
     def _step_rows(self, first: int, last: int, targets: NDArray[np.float32], others: NDArray[np.float32]) -> None:
-        kernel.step_rows(first, last, self.tables, self.physics, self.settings, self.ranges, targets, others, self.out)
+        fixed = (self.tables, self.physics, self.settings, self.ranges)
+        if not _step_code:
+            _step_code.append(machine_code(kernel.step_rows, first, last, *fixed, self._others, self._others, self.out))
+        _step_code[0](first, last, *fixed, targets, others, self.out)
 
     def _seat(self, rows: NDArray[np.int64]) -> None:
         """Bring what follows from the pool, and from the places in it of the given tables, up to date."""

@@ -25,7 +25,7 @@ def play_tick(table, physics, contacts):
         table.hits[disc] = 0
     p, q, r, s = physics.glide_p, physics.glide_q, physics.glide_r, physics.glide_s
     glide(discs, PUCK, p, q, r, s, physics.puck_speed)
-    outcome = advance(discs, physics, 0.0, physics.tick, GAME_CONTACTS, contacts, False)
+    outcome = advance(discs, physics, 0.0, physics.tick, GAME_CONTACTS, contacts, False, None)
     glide(discs, PUCK, p, q, r, s, physics.puck_speed)
     table.n_contacts = min(outcome.contacts, contacts.shape[0])
     return outcome.goal

@@ -336,3 +336,16 @@ def test_stable_baselines_options_are_for_each_table():
     sb3.seed(4)
     sb3.reset()  # options were for one reset only
     assert (sb3.positions[2, 2] != (0.0, 0.3)).all()
+
+
+def test_an_action_that_lies_spread_out_or_is_read_only_plays_as_its_values_do() -> None:
+    """The compiled step is called without a look at how its arguments lie in memory."""
+    rng = np.random.default_rng(0)
+    spread, plain = gym.make("AirHockey-v0"), gym.make("AirHockey-v0")
+    spread.reset(seed=0)
+    plain.reset(seed=0)
+    for _ in range(20):
+        actions = rng.uniform(-1.0, 1.0, (2, 3)).astype(np.float32)
+        actions.flags.writeable = False
+        seen, expected = spread.step(actions[:, 1]), plain.step(actions[:, 1].copy())
+        np.testing.assert_array_equal(seen[0], expected[0])

@@ -8,6 +8,7 @@ from airhockey_env.compiled import compiled, inlined
 from airhockey_env.engine.impact import relieve, strike_disc, strike_edge
 from airhockey_env.engine.kiss import next_kiss
 from airhockey_env.engine.motion import fly
+from airhockey_env.engine.near import keep_near
 from airhockey_env.engine.records import DISC, GOAL, NOTHING, WALL, Outcome
 
 
@@ -35,7 +36,7 @@ def resolve(discs, kiss, surface, contacts, count, time):
 
 
 @inlined
-def advance(discs, surface, start, tick, limit, contacts, pause):
+def advance(discs, surface, start, tick, limit, contacts, pause, near):
     """Play one table from `start` to `tick` seconds into a tick, exactly.
 
     Ask for the earliest kiss before moving, move everything exactly there, let the two bounce, and ask again with
@@ -48,6 +49,7 @@ def advance(discs, surface, start, tick, limit, contacts, pause):
         limit: contacts of one disc in one tick before it counts as squeezed: see `relieve`.
         contacts: `CONTACT` buffer, filled from its beginning in order of time.
         pause: return as soon as the buffer is full, instead of going on without recording.
+        near: None, or `Near`, found for what is left of the tick: for tables with many discs.
 
     Returns:
         Outcome. After a goal the disc's centre lies on the goal line, and the rest of the tick is not played.
@@ -55,7 +57,7 @@ def advance(discs, surface, start, tick, limit, contacts, pause):
     elapsed = start
     count = 0
     while True:
-        kiss = next_kiss(discs, surface, tick - elapsed)
+        kiss = next_kiss(discs, surface, tick - elapsed, near)
         fly(discs, kiss.time)
         if kiss.kind == NOTHING:
             return Outcome(tick, count, 0)
@@ -64,7 +66,10 @@ def advance(discs, surface, start, tick, limit, contacts, pause):
             side = 1 if kiss.b == 0 else -1
             discs.position[kiss.a, 0] = side * surface.half_length
             return Outcome(elapsed, count, side)
-        if not relieve(discs, kiss.a, kiss.b if kiss.kind == DISC else -1, limit):
+        other = kiss.b if kiss.kind == DISC else -1
+        if not relieve(discs, kiss.a, other, limit):
             count = resolve(discs, kiss, surface, contacts, count, elapsed)
+            if near is not None:
+                keep_near(near, discs, kiss.a, other, tick - elapsed)
             if pause and count == contacts.shape[0]:
                 return Outcome(elapsed, count, 0)

@@ -102,29 +102,52 @@ def _earlier_edge(x, y, vx, vy, radius, surface, a, best):
 
 
 @inlined
-def next_kiss(discs, surface, horizon):
-    """The earliest kiss on the table within `horizon` seconds; its kind is NOTHING, at `horizon`, if there is none."""
+def _earlier_pair(discs, a, b, best):
+    """The kiss of discs a and b, if it comes before `best`."""
+    position, velocity = discs.position, discs.velocity
+    time = kiss_time(
+        position[a, 0] - position[b, 0],
+        position[a, 1] - position[b, 1],
+        velocity[a, 0] - velocity[b, 0],
+        velocity[a, 1] - velocity[b, 1],
+        discs.radius[a] + discs.radius[b],
+    )
+    if time < best.time:
+        best = Kiss(time, DISC, a, b)
+    elif time == best.time and best.kind == DISC and _share_a_disc(a, b, best) and _faster(discs, a, b, best):
+        # A disc that two others reach at once meets the faster one first, whatever their numbers: so a
+        # table turned by 180 degrees, where the numbers of the paddles are swapped, plays the same.
+        best = Kiss(time, DISC, a, b)
+    return best
+
+
+@inlined
+def next_kiss(discs, surface, horizon, near):
+    """The earliest kiss on the table within `horizon` seconds; its kind is NOTHING, at `horizon`, if there is none.
+
+    Args:
+        near: `Near`, the pairs to ask, or None for all.
+    """
     position, velocity, radius, inverse_mass = discs.position, discs.velocity, discs.radius, discs.inverse_mass
     best = Kiss(horizon, NOTHING, -1, -1)
     n = position.shape[0]
     for a in range(n):
         x, y = position[a, 0], position[a, 1]
         vx, vy = velocity[a, 0], velocity[a, 1]
-        for b in range(a + 1, n):
-            if inverse_mass[a] + inverse_mass[b] == 0.0:
-                continue
-            time = kiss_time(
-                x - position[b, 0], y - position[b, 1], vx - velocity[b, 0], vy - velocity[b, 1], radius[a] + radius[b]
-            )
-            if time < best.time:
-                best = Kiss(time, DISC, a, b)
-            elif time == best.time and best.kind == DISC and _share_a_disc(a, b, best) and _faster(discs, a, b, best):
-                # A disc that two others reach at once meets the faster one first, whatever their numbers: so a
-                # table turned by 180 degrees, where the numbers of the paddles are swapped, plays the same.
-                best = Kiss(time, DISC, a, b)
+        if near is None:
+            for b in range(a + 1, n):
+                if inverse_mass[a] + inverse_mass[b] != 0.0:
+                    best = _earlier_pair(discs, a, b, best)
+        else:
+            whole = near.whole[0]
+            first, last = (a + 1, n) if whole else (near.start[a], near.start[a + 1])
+            for k in range(first, last):
+                b = k if whole else near.partner[k]
+                if inverse_mass[a] + inverse_mass[b] != 0.0:
+                    best = _earlier_pair(discs, a, b, best)
         # Most discs are nowhere near an edge: ask closely only when they start or end beyond where they touch one.
         reach_x, reach_y = surface.half_length - radius[a], surface.half_width - radius[a]
-        near = abs(x) > reach_x or abs(x + vx * best.time) > reach_x or abs(y + vy * best.time) > reach_y
-        if near and inverse_mass[a] > 0.0:
+        by_edge = abs(x) > reach_x or abs(x + vx * best.time) > reach_x or abs(y + vy * best.time) > reach_y
+        if by_edge and inverse_mass[a] > 0.0:
             best = _earlier_edge(x, y, vx, vy, radius[a], surface, a, best)
     return best

@@ -18,7 +18,7 @@ MAX_STEPS = 1500
 
 
 def _repeat(name: str, num_envs: int, step: Callable[[Any], Any], actions: list[Any], threads: int = 1) -> Measure:
-    steps = max(1, 16384 // num_envs)
+    steps = max(1, 4096 // num_envs)
 
     def work() -> None:
         for k in range(steps):

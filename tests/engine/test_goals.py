@@ -35,7 +35,7 @@ def puck(position, velocity, radius=RADIUS):
 def play(discs, table, tick=TICK, limit=GAME_CONTACTS):
     discs.hits[:] = 0
     contacts = records(64, CONTACT)
-    outcome = advance(discs, table, 0.0, tick, limit, contacts, False)
+    outcome = advance(discs, table, 0.0, tick, limit, contacts, False, None)
     return outcome, contacts[: outcome.contacts]
 
 
