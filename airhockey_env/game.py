@@ -225,7 +225,9 @@ class Game:
             self.tables["position"][rows, LEFT] = -0.5 * HOME * self.spec.length, 0.0
             self.tables["side"][rows] = -1 if options.puck_position[0] < 0.0 else 1
         if options.puck_velocity is not None:
-            self.tables["velocity"][rows, PUCK] = options.puck_velocity
+            cap = self.physics["puck_speed"][rows if self.randomized else [0] * len(rows)]  # of a drawn table, its own
+            share = np.minimum(1.0, cap / max(math.hypot(*options.puck_velocity), 1e-300))
+            self.tables["velocity"][rows, PUCK] = options.puck_velocity * share[:, None]
         if options.puck_position is not None or options.puck_velocity is not None:
             kernel.refresh_rows(rows, self.tables, self.physics, self.settings, self.out)
         self._note_begun()
