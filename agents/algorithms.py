@@ -25,14 +25,13 @@ from agents.algorithms_report import draw_run, print_run
 from agents.checks import check_ranges
 from agents.evaluation import CONTROL_HZ, wilson_interval
 from agents.files import write_json
-from agents.runs import Clock, Records, RunFolder, logger, save
+from agents.runs import Clock, Records, RunFolder, logger, save, until_ctrl_c
+from airhockey_env.game import OBS_TYPES
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 
 ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3}
 
 HYPERPARAMS = Path(__file__).parent / "hyperparams"
-
-OBS_TYPES = ("state", "rgb", "grayscale")
 
 EPISODES_AT_ONCE = 64
 
@@ -92,6 +91,8 @@ class Hyperparameters:
     env_kwargs: dict[str, Any]
     model: dict[str, Any]
     """Arguments of the algorithm's class."""
+    section: dict[str, Any]
+    """All of it, as it stands in the file."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,7 @@ def read_hyperparameters(path: Path, env_id: str) -> Hyperparameters:
             section["action_noise"] = NormalActionNoise(np.zeros(2), np.full(2, float(deviation)))
     except Exception as error:  # whatever the Python in it does
         raise ValueError(f"{path}, section {env_id}, is not in RL-Zoo's format: {error!r}") from error
-    return Hyperparameters(n_timesteps, n_envs, frame_stack, env_kwargs, section)
+    return Hyperparameters(n_timesteps, n_envs, frame_stack, env_kwargs, section, sections[env_id])
 
 
 def make_env(env_id: str, hyperparameters: Hyperparameters, num_envs: int | None = None) -> VecEnv:
@@ -249,7 +250,7 @@ def train(args: AlgorithmArgs) -> RunFolder:
     history: dict[str, Any] = {"evaluations": [], "updates": []}
     save(folder, model, history)
     settings = {**dataclasses.asdict(args), "steps": steps, "hyperparams": str(path)}
-    write_json(folder.config, {**settings, "section": yaml.safe_load(path.read_text())[args.env]})
+    write_json(folder.config, {**settings, "section": hyperparameters.section})
     print(f"{folder.path}: {steps:,} steps of {args.env} with {args.algo}. Ctrl-C stops early and keeps everything.")
     clock = Clock(0.0)
     model.set_logger(logger(folder, Records(history["updates"], clock)))
@@ -258,12 +259,8 @@ def train(args: AlgorithmArgs) -> RunFolder:
     watch.evaluate(args.eval_episodes, seed=1)
     bar = ProgressBarCallback()
     each = 100 if isinstance(model, OffPolicyAlgorithm) else 1  # episodes, or updates, between two lines of the log
-    try:
+    with until_ctrl_c(bar, "Stopped."):
         model.learn(steps, callback=CallbackList([watch, bar]), log_interval=each)
-    except KeyboardInterrupt:
-        if hasattr(bar, "pbar"):
-            bar.pbar.close()  # or it would go on drawing over the report
-        print("\nStopped.")
     watch.evaluate(args.report_episodes, seed=2)
     print_run(args.env, history)
     draw_run(history, f"{args.algo} on {args.env}" + (f", {args.obs_type}" if pixels else ""), folder.picture)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from airhockey_env.files import replace
+from agents.plots import plain, save_figure
 
 
 def print_run(env_id: str, history: dict[str, Any]) -> None:
@@ -48,7 +48,5 @@ def draw_run(history: dict[str, Any], title: str, path: Path) -> None:
     cost.set(title="Minutes of training", xlabel="thousand steps")
     cost.set_ylim(bottom=0)
     for axis in (success, cost):
-        axis.grid(color="#eceef2")
-        axis.set_axisbelow(True)
-        axis.spines[["top", "right"]].set_visible(False)
-    replace(path, lambda part: figure.savefig(part, dpi=110, format="png"))
+        plain(axis)
+    save_figure(figure, path)

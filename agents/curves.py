@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from agents.files import read_json
+from agents.plots import plain, save_figure
 from agents.runs import RunFolder
-from airhockey_env.files import replace
 
 COLORS = ("#2f6fdd", "#e5395b", "#1f9d72", "#b0721f", "#7a4fd0", "#3a4152")
 
@@ -83,10 +83,8 @@ def draw_curves(runs: dict[str, dict[str, Any]], path: Path) -> None:
         axis.set_xlim(left=0)
         axis.yaxis.set_major_formatter(PercentFormatter(1.0))
         axis.axhline(0.9, color="#c9ccd4", linewidth=1, zorder=0)
-        axis.grid(color="#eceef2")
-        axis.set_axisbelow(True)
-        axis.spines[["top", "right"]].set_visible(False)
+        plain(axis)
     axes[0].set(title=f"Decided points won against {' and '.join(opponents)} (dotted: draws)")
     axes[0].title.set_size(11)
     axes[1].legend(frameon=False, loc="lower right")
-    replace(path, lambda part: figure.savefig(part, dpi=110, format="png"))
+    save_figure(figure, path)

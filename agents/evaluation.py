@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from airhockey_env.game import NAMES, Game
 from airhockey_env.records import AUTORESET_NEXT_STEP, LEFT, RIGHT
 from airhockey_env.tasks import TASKS
-from airhockey_env.trained import TRAINED, trained_policy
+from airhockey_env.trained import resolved
 
 Policy = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 
@@ -152,7 +152,7 @@ def play_points(
         raise ValueError(f"points must be 1 or more, got {points}")
     if name is None:
         name = opponent if isinstance(opponent, str) else "a policy"
-    policy, opponent = _player(policy), _player(opponent)
+    policy, opponent = resolved(policy), resolved(opponent)
     half = (points + 1) // 2
     wins = losses = draws = steps = 0
     with tqdm(total=2 * half, unit="point", desc=f"against {name}", delay=2.0, leave=False, disable=None) as bar:
@@ -190,11 +190,6 @@ def play_points(
     return Result(name, wins, losses, draws, steps / (2 * half) / control_hz)
 
 
-def _player(player: Policy | str) -> Policy | str:
-    """A trained policy by its name is one from outside."""
-    return trained_policy(player) if isinstance(player, str) and player in TRAINED else player
-
-
 def play_task(
     policy: Policy | str,
     task: str,
@@ -222,7 +217,7 @@ def play_task(
         raise ValueError(f"task must be one of {SOLO_TASKS}, got {task!r}")
     if episodes < 1:
         raise ValueError(f"episodes must be 1 or more, got {episodes}")
-    policy = _player(policy)
+    policy = resolved(policy)
     named = policy if isinstance(policy, str) else None
     asked = None if isinstance(policy, str) else policy
     successes = failures = timeouts = steps = 0

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from agents.ladder import ANCHOR, ANCHOR_RATING, Match, Rating, cross_table, expected_scores
-from airhockey_env.files import replace
+from agents.plots import PALE, save_figure
 
 
 def print_ladder(ratings: Sequence[Rating], matches: Sequence[Match]) -> None:
@@ -68,7 +68,7 @@ def draw_ladder(ratings: Sequence[Rating], matches: Sequence[Match], title: str,
     values = np.array([rating.rating for rating in ratings])
     places = np.arange(number)
     reach = np.array([(row.rating - row.low, row.high - row.rating) for row in ratings]).clip(0.0).T
-    left.hlines(places, values.min() - 60, values, color="#eceef2", linewidth=6, zorder=1)
+    left.hlines(places, values.min() - 60, values, color=PALE, linewidth=6, zorder=1)
     left.errorbar(
         values, places, xerr=reach, fmt="o", color="#2f6fdd", markersize=8, elinewidth=2.5, capsize=5, zorder=3
     )
@@ -96,4 +96,4 @@ def draw_ladder(ratings: Sequence[Rating], matches: Sequence[Match], title: str,
     right.tick_params(which="both", length=0)
     right.spines[:].set_visible(False)
     right.set(title="Score of the row's player, %")
-    replace(path, lambda part: figure.savefig(part, dpi=110, format="png"))
+    save_figure(figure, path)

@@ -7,7 +7,7 @@ from typing import Any
 
 from airhockey_env.game import NAMES
 from airhockey_env.policy import MlpPolicy
-from airhockey_env.trained import TRAINED, trained_policy
+from airhockey_env.trained import resolved
 
 
 def export_policy(model: Any) -> MlpPolicy:
@@ -45,10 +45,8 @@ def load_player(model: str) -> MlpPolicy | str:
         FileNotFoundError: there is no such file or name.
         ValueError: the file holds no policy of this environment.
     """
-    if model in TRAINED:
-        return trained_policy(model)
     if model in NAMES:
-        return model
+        return resolved(model)
     path = Path(model)
     if path.is_dir():
         path = path / "policy.npz"

@@ -10,6 +10,7 @@ from typing import Any
 
 import torch
 from stable_baselines3 import PPO
+from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList, ProgressBarCallback
 from stable_baselines3.common.vec_env import VecMonitor
 
@@ -19,7 +20,7 @@ from agents.features import RelativeFeatures
 from agents.files import read_json, write_json
 from agents.league import League
 from agents.models import export_policy, load_ppo
-from agents.runs import Clock, Records, RunFolder, logger, save
+from agents.runs import Clock, Records, RunFolder, logger, save, until_ctrl_c
 from airhockey_env.game import Opponent
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import PRESETS
@@ -141,9 +142,7 @@ class _Watch(BaseCallback):
         for name in ("win_rate", "decided_win_rate", "mean_seconds"):
             self.logger.record(f"eval/{name}", row[name])
         self.logger.record("eval/draw_rate", row["draws"] / row["points"])
-        save(self.folder, self.model, self.history)
-        if self.league is not None:
-            self.league.save(self.folder.path)
+        _save(self.folder, self.model, self.history, self.league)
 
 
 def make_env(args: TrainArgs, task: str = "point", opponents: Sequence[Opponent] | None = None) -> VecMonitor:
@@ -175,7 +174,7 @@ def make_model(args: TrainArgs, env: VecMonitor) -> PPO:
         ent_coef=args.ent_coef,
         policy_kwargs={
             "net_arch": [args.net_width, args.net_width],
-            "activation_fn": torch.nn.ReLU,  # half the time of tanh
+            "activation_fn": torch.nn.ReLU,  # quicker than tanh
             "features_extractor_class": RelativeFeatures,
             "features_extractor_kwargs": {"spec": PRESETS[args.table]},
         },
@@ -209,9 +208,7 @@ def train(args: TrainArgs) -> RunFolder:
             _take_over(model, RunFolder.open(other))
         folder = RunFolder.create(args.name)
         history: dict[str, Any] = {"evaluations": [], "updates": [], "report": []}
-        save(folder, model, history)
-        if league is not None:
-            league.save(folder.path)
+        _save(folder, model, history, league)
         write_json(folder.config, dataclasses.asdict(args))  # last: what has it can be resumed
     else:
         folder = RunFolder.open(args.resume)
@@ -232,21 +229,22 @@ def train(args: TrainArgs) -> RunFolder:
     whom = " and ".join(args.opponents) + ("" if league is None else " and its past selves")
     print(f"{folder.path}: {steps:,} steps against {whom}. Ctrl-C stops early and keeps everything.")
     bar = ProgressBarCallback()
-    try:
+    with until_ctrl_c(bar, f"Stopped. Go on with: python -m scripts.{args.command} --resume {folder.path}"):
         if args.begins_with() is None and model.num_timesteps < min(args.warmup_steps, steps):
-            _learn(model, args, make_env(args, "hit", ["idle"]), [_Until(args.warmup_steps), watch, bar])
+            _learn(model, steps, args.seed, make_env(args, "hit", ["idle"]), [_Until(args.warmup_steps), watch, bar])
         if model.num_timesteps < steps:
             opponents, callbacks = (None, []) if league is None else (league.pool, [league])
-            _learn(model, args, make_env(args, "point", opponents), [*callbacks, watch, bar])
-    except KeyboardInterrupt:
-        if hasattr(bar, "pbar"):
-            bar.pbar.close()  # or it would go on drawing over the report
-        print(f"\nStopped. Go on with: python -m scripts.{args.command} --resume {folder.path}")
+            _learn(model, steps, args.seed, make_env(args, "point", opponents), [*callbacks, watch, bar])
+    _save(folder, model, history, league)
+    report(folder, args, history)
+    return folder
+
+
+def _save(folder: RunFolder, model: BaseAlgorithm, history: dict[str, Any], league: League | None) -> None:
+    """Write everything that a resumed run needs but its arguments."""
     save(folder, model, history)
     if league is not None:
         league.save(folder.path)
-    report(folder, args, history)
-    return folder
 
 
 def _take_over(model: PPO, folder: RunFolder) -> None:
@@ -272,11 +270,11 @@ class _Until(BaseCallback):
         return self.num_timesteps < self.steps
 
 
-def _learn(model: PPO, args: TrainArgs, env: VecMonitor, callbacks: list[BaseCallback]) -> None:
-    """Train in an environment to the end of the run, or until a callback ends it."""
-    env.seed(args.seed + model.num_timesteps)  # in a resumed run, other tables than those that were played
+def _learn(model: PPO, steps: int, seed: int, env: VecMonitor, callbacks: list[BaseCallback]) -> None:
+    """Train in an environment until the run has these steps in all, or until a callback ends it."""
+    env.seed(seed + model.num_timesteps)  # in a resumed run, other tables than those that were played
     model.set_env(env)
-    left = (args.steps or args.default_steps) - model.num_timesteps
+    left = steps - model.num_timesteps
     model.learn(left, callback=CallbackList(callbacks), reset_num_timesteps=model.num_timesteps == 0)
     env.close()
 

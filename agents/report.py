@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.evaluation import Result, TaskResult, wilson_interval
-from airhockey_env.files import replace
+from agents.plots import plain, save_figure
 
 
 def print_results(results: Sequence[Result]) -> None:
@@ -94,10 +94,8 @@ def draw_training(history: dict[str, Any], opponent: str, path: Path) -> None:
     axes[1, 1].set(title="Training speed, thousand steps/s", xlabel="million steps")
     axes[1, 1].set_ylim(bottom=0)
     for axis in axes.flat:
-        axis.grid(color="#eceef2")
-        axis.set_axisbelow(True)
-        axis.spines[["top", "right"]].set_visible(False)
-    replace(path, lambda part: figure.savefig(part, dpi=110, format="png"))
+        plain(axis)
+    save_figure(figure, path)
 
 
 def _speed(updates: Sequence[dict[str, float]], window: int = 20) -> list[float]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import ProgressBarCallback
 from stable_baselines3.common.logger import KVWriter, Logger, configure
 
 from agents.files import write_json
@@ -105,6 +108,17 @@ def save(folder: RunFolder, model: BaseAlgorithm, history: dict[str, Any]) -> No
 def _save_zip(model: BaseAlgorithm, path: Path) -> None:
     with open(path, "wb") as file:  # a path would get a suffix of its own
         model.save(file)
+
+
+@contextlib.contextmanager
+def until_ctrl_c(bar: ProgressBarCallback, stopped: str) -> Iterator[None]:
+    """Let Ctrl-C end what is within, and nothing else; `stopped` is printed then."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if hasattr(bar, "pbar"):
+            bar.pbar.close()  # or it would go on drawing over the report
+        print(f"\n{stopped}")
 
 
 def logger(folder: RunFolder, records: Records) -> Logger:

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.plots import plain, save_figure
 from agents.scorecard import Card, Share, Shots, quartiles
-from airhockey_env.files import replace
 from airhockey_env.tables import TableSpec
 
-BLUE, RED, GREY, PALE = "#2f6fdd", "#e5395b", "#8a8f9c", "#eceef2"
+BLUE, RED, GREY = "#2f6fdd", "#e5395b", "#8a8f9c"
 
 
 def print_card(card: Card) -> None:
@@ -86,9 +86,7 @@ def draw_card(card: Card, spec: TableSpec, path: Path) -> None:
     figure = Figure(figsize=(13, 7.2), layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.12))
     axes = figure.subplots(2, 3)
     for axis in axes.flat:
-        axis.grid(color=PALE)
-        axis.set_axisbelow(True)
-        axis.spines[["top", "right"]].set_visible(False)
+        plain(axis)
     opponent = card.result.opponent
     figure.suptitle(f"{card.player}, against {opponent} and in the tasks hit and defend", fontsize=15)
     _draw_accuracy(axes[0, 0], card)
@@ -97,7 +95,7 @@ def draw_card(card: Card, spec: TableSpec, path: Path) -> None:
     _draw_saves(axes[1, 0], card)
     _draw_reaction(axes[1, 1], card)
     _draw_play(axes[1, 2], card)
-    replace(path, lambda part: figure.savefig(part, dpi=110, format="png"))
+    save_figure(figure, path)
 
 
 def _draw_accuracy(axis: Any, card: Card) -> None:

@@ -117,7 +117,7 @@ class AirHockeyEnv(TableFace, gym.Env):
     | argument | values | default |
     |---|---|---|
     | `task` | `"point"`, `"match"`, `"hit"`, `"defend"`; each registered id sets it, with the opponent and the limit above; alone it leaves these as they are | `"point"` |
-    | `opponent` | `"idle"`, `"random"`, `"goalie"`, `"striker"`, or a callable: float32 observations (N, 13) from its own side to actions (N, 2) | `"striker"` |
+    | `opponent` | `"idle"`, `"random"`, `"goalie"`, `"striker"`, the trained `"adept"` and `"expert"`, or a callable: float32 observations (N, 13) from its own side to actions (N, 2) | `"striker"` |
     | `opponent_skill` | 0 to 1: share of its paddle's speed that a scripted opponent uses | 1.0 |
     | `table` | `"full_size"`, `"challenge"`, `"ideal"` or a `TableSpec` | `"full_size"` |
     | `obs_type` | `"state"`, `"rgb"`, `"grayscale"`, see above; a callable opponent sees states all the same | `"state"` |

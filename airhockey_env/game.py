@@ -35,13 +35,13 @@ from airhockey_env.records import (
 from airhockey_env.spaces import DIRECTIONS
 from airhockey_env.tables import TableSpec, resolve_table
 from airhockey_env.tasks import TASKS, right_start
-from airhockey_env.trained import TRAINED, trained_policy
+from airhockey_env.trained import TRAINED, resolved
 
 Policy = Callable[[NDArray[np.float32]], ArrayLike]
 """An opponent from outside: float32 observations (N, 13), seen from its own side, to actions (N, 2)."""
 
 Opponent = str | Policy
-"""Who plays the right paddle: a scripted player's name, or a policy from outside."""
+"""Who plays the right paddle: a name in `NAMES`, or a policy from outside."""
 
 REWARDS = ("sparse", "shaped")
 NAMES = (*SCRIPTED, *TRAINED)
@@ -229,7 +229,10 @@ class Game:
             self.tables["position"][rows, LEFT] = -0.5 * HOME * self.spec.length, 0.0
             self.tables["side"][rows] = -1 if options.puck_position[0] < 0.0 else 1
         if options.puck_velocity is not None:
-            self.tables["velocity"][rows, PUCK] = options.puck_velocity
+            speed = max(math.hypot(*options.puck_velocity), 1e-300)
+            # The options were checked against the table that was asked for; a drawn one may allow less.
+            share = np.minimum(1.0, self.physics["puck_speed"][rows] / speed) if self.randomized else 1.0
+            self.tables["velocity"][rows, PUCK] = np.multiply.outer(share, options.puck_velocity)
         if options.puck_position is not None or options.puck_velocity is not None:
             kernel.refresh_rows(rows, self.tables, self.physics, self.settings, self.out)
         self._note_begun()
@@ -331,6 +334,7 @@ class Game:
         self._check_one_player()
         _scripted("opponent", check_opponent(opponent))
         self._pool.append(opponent)
+        self._seat(self.check_rows([]))
         return len(self._pool) - 1
 
     def set_opponent_skill(self, skill: ArrayLike, tables: ArrayLike | None = None) -> None:
@@ -482,8 +486,8 @@ class Game:
         members: dict[int, int] = {}  # a policy may have several places
         group_of = np.full(len(self._pool), -1, np.min_scalar_type(-1 - len(self._pool)))  # small ones sort faster
         for place, member in enumerate(self._pool):
-            if _scripted("opponent", member) == EXTERNAL:
-                group_of[place] = members.setdefault(id(_policy(member)), len(members))
+            if self._numbers[place] == EXTERNAL:
+                group_of[place] = members.setdefault(id(resolved(member)), len(members))
         groups_of_tables = group_of[self.tables["opponent"]]
         order = np.argsort(groups_of_tables, kind="stable")
         bounds = np.searchsorted(groups_of_tables[order], np.arange(len(members) + 1))
@@ -494,7 +498,7 @@ class Game:
                 continue
             place = int(np.argmax(group_of == group))
             name = "the opponent's actions" if len(self._pool) == 1 else f"the actions of opponent {place}"
-            policy = _policy(self._pool[place])
+            policy: Any = resolved(self._pool[place])
             if rows[-1] - rows[0] == len(rows) - 1:
                 part, copied = slice(int(rows[0]), int(rows[-1]) + 1), None
                 seen = self.out.other_observation[part]
@@ -652,17 +656,12 @@ def _pool(opponent: Any) -> list[Opponent | None]:
 
 def _scripted(name: str, player: str | Policy | None) -> int:
     """The number of who drives a paddle."""
-    if player is None or (name == "opponent" and (callable(player) or (isinstance(player, str) and player in TRAINED))):
+    if player is None or (name == "opponent" and callable(resolved(player))):
         return EXTERNAL
     if isinstance(player, str) and player in SCRIPTED:
         return SCRIPTED[player]
     allowed = f"{NAMES} or a callable" if name == "opponent" else f"{tuple(SCRIPTED)}"
     raise ValueError(f"{name} must be one of {allowed}, got {player!r}")
-
-
-def _policy(opponent: Any) -> Policy:
-    """Of an opponent from outside, or of a trained one by its name."""
-    return trained_policy(opponent) if isinstance(opponent, str) else opponent
 
 
 def _read_only(array: NDArray[np.float32]) -> NDArray[np.float32]:

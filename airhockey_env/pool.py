@@ -11,7 +11,7 @@ from airhockey_env.game import Game, Opponent
 class OpponentPool:
     """What `AirHockeyVectorEnv` and `AirHockeySB3VecEnv` have for a pool of opponents, whose members play in turn.
 
-    `opponent` may be a sequence of scripted players' names and callables. Table i is assigned the member i modulo the
+    `opponent` may be a sequence of opponents' names and callables. Table i is assigned the member i modulo the
     pool's size at first, whatever the number of tables; `set_opponents` changes that while playing. Every callable is
     asked once a step, for all of its tables together, and its observations are valid until the next step.
 

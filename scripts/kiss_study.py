@@ -12,6 +12,7 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 
 import airhockey_env
+from agents.checks import check_output
 from agents.files import write_json
 from airhockey_env.files import replace
 from scripts._command import run_command
@@ -57,8 +58,7 @@ def kiss_study(args: KissStudyArgs) -> None:
         raise DependencyNotInstalled('the figures need the extra "study": pip install -e ".[study]"') from error
     if not args.out.is_dir():
         raise FileNotFoundError(f"--out must be a folder that exists, got {args.out}")
-    if args.json is not None and not args.json.parent.is_dir():
-        raise FileNotFoundError(f"--json must name a file in a folder that exists, got {args.json}")
+    check_output("json", args.json)
     own_page = args.out / PAGE
     text = (own_page if own_page.exists() else ROOT / "docs" / PAGE).read_text()
     results: dict[str, Any] = {

@@ -11,7 +11,7 @@ import numpy as np
 
 from agents.checks import check_ranges
 from agents.live_match import START_PAUSE, LiveMatch
-from agents.models import load_player
+from agents.models import load_player, short_name
 from agents.sounds import Sounds
 from airhockey_env import raster
 from airhockey_env.render import LEFT, LEFT_LIGHT, RIGHT_LIGHT, ROOM, SMALLEST, WHITE, Color, Renderer
@@ -227,10 +227,7 @@ class Table:
 
 def name_of(opponent: str) -> str:
     """What to call an opponent that was given by its name or its file."""
-    parts = [part for part in opponent.replace("\\", "/").split("/") if part]
-    if len(parts) > 1 and parts[-1] in ("policy.npz", "model.zip"):
-        parts.pop()  # in a run's folder, whose name says more
-    name = parts[-1] if parts else opponent
+    name = short_name(opponent.replace("\\", "/"))
     return name if len(name) <= 20 else f"{name[:19]}…"
 
 

@@ -173,7 +173,8 @@ def test_ctrl_c_rates_what_was_played(tmp_path: Path, call: Call, monkeypatch: p
 
     monkeypatch.setattr(ladder, "play_points", two_matches)
     printed = call("ladder", "--json", "ladder.json", "--plot", "ladder.png", fails=True)
-    assert "Stopped after 2 of 6 matches." in printed
+    pairs = len(OPPONENTS) * (len(OPPONENTS) - 1) // 2
+    assert f"Stopped after 2 of {pairs} matches." in printed
     assert len(json.loads((tmp_path / "ladder.json").read_text())["matches"]) == 2
     assert (tmp_path / "ladder.png").exists()
     assert call("ladder", "--json", "none.json", fails=True).strip() == "Stopped."

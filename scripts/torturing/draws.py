@@ -28,7 +28,7 @@ WEIRD: tuple[Any, ...] = (
 )  # fmt: skip
 """Values that something may be given by mistake; a few of them are good for some things."""
 
-BAD_SEEDS = (-1, 1.5, NAN, "1", True, [], {}, -(2**70))
+BAD_SEEDS: tuple[Any, ...] = (-1, 1.5, NAN, "1", True, [], {}, -(2**70))
 PLAYERS = (*SCRIPTED, *OPPONENTS)
 PURSUE, FLEE, ACROSS, JITTER, AHEAD, HUGE, WANDER, STYLES = range(8)
 """Of playing: see `draw_actions`."""
@@ -214,7 +214,7 @@ def draw_bad(rng: np.random.Generator, trial: Trial) -> dict[str, Any]:
         spoiled = rng.uniform(-1.0, 1.0, (trial.n, 2))
         spoiled[int(rng.integers(trial.n)), int(rng.integers(2))] = pick(rng, (NAN, INF, -INF))
         single = spoiled[0].tolist()
-        values = (
+        values: tuple[Any, ...] = (
             single if not np.isfinite(single).all() else None,
             spoiled.tolist(),
             None,

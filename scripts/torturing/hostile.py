@@ -126,7 +126,8 @@ def play_hostile(name: str, control_hz: float, steps: int, seed: int, tables: in
             spec_of(law)  # raises an error if it is no table
     digest = hashlib.sha256(game.tables.tobytes() + tally.tobytes()).hexdigest()[:32]
     worst, *counts = tally.tolist()
-    return Report(each * tables, worst, *map(int, counts), digest, case)
+    paddle, edge, crowded, pinned, points, drawn = map(int, counts)
+    return Report(each * tables, worst, paddle, edge, crowded, pinned, points, drawn, digest, case)
 
 
 def _case_of(game: Game, number: int, i: int, before: np.ndarray, actions: np.ndarray) -> Case:

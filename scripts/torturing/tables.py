@@ -40,9 +40,8 @@ def random_spec(rng: np.random.Generator) -> TableSpec:
         drag = rng.uniform(0.0, (0.1, 1.0, 0.2))
         paddle_speed, acceleration, puck_speed = rng.uniform((1.0, 5.0, 5.0), (10.0, 300.0, 30.0))
         try:
-            return TableSpec(
-                length, width, goal, puck, mass, paddle, *kept, *drag, paddle_speed, acceleration, puck_speed
-            )
+            values = (length, width, goal, puck, mass, paddle, *kept, *drag, paddle_speed, acceleration, puck_speed)
+            return TableSpec(**dict(zip(FIELDS, values, strict=True)))
         except ValueError:  # they do not fit together
             continue
 

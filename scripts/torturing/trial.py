@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import copy
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -314,7 +314,7 @@ class Trial:
         if before != (env.get_state().tobytes(), env._game.out.observation.tobytes()):
             raise Broken("bad input was refused, but has changed something")
 
-    def _all_agree(self, ours: list[Seen], theirs: list[Seen | None]) -> None:
+    def _all_agree(self, ours: list[Seen], theirs: Sequence[Seen | None]) -> None:
         for seen, expected in zip(ours, theirs, strict=True):
             for name, value in seen.items():
                 if expected is not None and value is not None:
