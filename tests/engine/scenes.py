@@ -42,6 +42,7 @@ def random_scene(
     walls: bool | None = None,
     elastic: bool | None = None,
     heavy: float = 0.0,
+    radii: tuple[float, float] = (0.03, 0.1),
 ) -> Scene:
     """A table with discs of different sizes and masses that lie apart.
 
@@ -50,24 +51,25 @@ def random_scene(
         speed: greatest speed, m/s.
         walls, elastic: drawn at random if None.
         heavy: share of discs of infinite mass.
+        radii: least and greatest; many discs of the default ones would find no room.
     """
     n = int(rng.integers(discs[0], discs[1] + 1))
     walls = bool(rng.random() < 0.7) if walls is None else walls
     elastic = bool(rng.random() < 0.5) if elastic is None else elastic
     half = np.array([1.0, 0.5]) if walls else np.array([0.5, 0.3])
-    radii = rng.uniform(0.03, 0.1, n)
+    sizes = rng.uniform(*radii, n)
     positions = np.empty((n, 2))
     for a in range(n):
         while True:
-            positions[a] = rng.uniform(-1.0, 1.0, 2) * (half - radii[a])
-            if all(math.dist(positions[a], positions[b]) > radii[a] + radii[b] for b in range(a)):
+            positions[a] = rng.uniform(-1.0, 1.0, 2) * (half - sizes[a])
+            if all(math.dist(positions[a], positions[b]) > sizes[a] + sizes[b] for b in range(a)):
                 break
     angle = rng.uniform(0.0, 2.0 * math.pi, n)
     velocities = rng.uniform(0.0, speed, (n, 1)) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     masses = np.where(rng.random(n) < heavy, math.inf, 10.0 ** rng.uniform(-1.0, 1.0, n))
     restitution, wall_restitution = (1.0, 1.0) if elastic else rng.uniform(0.3, 1.0, 2)
     return Scene(
-        positions, velocities, radii, masses, float(restitution), float(wall_restitution), (2.0, 1.0) if walls else None
+        positions, velocities, sizes, masses, float(restitution), float(wall_restitution), (2.0, 1.0) if walls else None
     )
 
 
