@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numba
 import numpy as np
 from gymnasium.error import DependencyNotInstalled
+from rich.box import SIMPLE
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
@@ -75,6 +76,17 @@ def write_page(path: Path, text: str) -> None:
     replace(path, lambda part: part.write_text(text))
 
 
+def shown(title: str, cells: list[tuple[str, ...]]) -> Table:
+    """A table for the terminal; where that is narrow, heads are broken and numbers are not."""
+    table = Table(title=title, box=SIMPLE, padding=(0, 1, 0, 0))
+    for k, column in enumerate(zip(*cells, strict=True)):
+        widest = max(map(len, column[1:])) if k else None
+        table.add_column(column[0], justify="right" if k else "left", overflow="fold", min_width=widest)
+    for line in cells[1:]:
+        table.add_row(*line)
+    return table
+
+
 def benchmark(args: BenchmarkArgs) -> dict[str, Any]:
     """Measure, print, and write after every part: an interrupt loses none that is done."""
     check(args)
@@ -99,12 +111,7 @@ def benchmark(args: BenchmarkArgs) -> dict[str, Any]:
         notes += missing
         results[name] = rows
         cells = part.table(rows)
-        shown = Table(title=part.TITLE)
-        for k, head in enumerate(cells[0]):
-            shown.add_column(head, justify="right" if k else "left")
-        for line in cells[1:]:
-            shown.add_row(*line)
-        console.print(shown)
+        console.print(shown(part.TITLE, cells))
         if args.json is not None:
             write_json(args.json, results)
         if args.page is not None:

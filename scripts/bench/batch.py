@@ -8,9 +8,9 @@ from typing import Any
 from gymnasium.error import DependencyNotInstalled
 
 from scripts.bench import games
-from scripts.bench.measure import Effort, Measure, Row, ratio, run
+from scripts.bench.measure import Effort, Measure, Row, ratio, run, thousands
 
-TITLE = "Batches"
+TITLE = "Batches, thousand steps/s"
 SIZES = (1, 16, 256, 4096, 65_536)
 MOST_SYNC = 256  # SyncVectorEnv takes a Python call a table
 THREADED = 256  # smaller batches are played by one thread
@@ -51,6 +51,6 @@ def table(rows: list[Row]) -> list[tuple[str, ...]]:
     for size in sorted({row["at"] for row in rows}):
         found = {row["what"]: row for row in rows if row["at"] == size}
         share = ratio(rows, found[CODE], IN_C)
-        cells = [f"{found[name]['per_second']:,.0f}" if name in found else "" for name in names]
+        cells = [thousands(found[name]["per_second"]) if name in found else "" for name in names]
         table.append((f"{size:,}", *cells, "" if share is None else f"{share:.2f}"))
     return table

@@ -68,3 +68,8 @@ def ratio(rows: list[Row], row: Row, to: str) -> float | None:
     """The row's speed as a multiple of that of `to` at the same size; None if that was not measured."""
     other = next((r["per_second"] for r in rows if r["what"] == to and r["at"] == row["at"]), None)
     return None if other is None else row["per_second"] / other
+
+
+def thousands(speed: float) -> str:
+    """Thousand steps a second, in three figures or more."""
+    return f"{speed / 1e3:,.1f}" if speed < 1e5 else f"{speed / 1e3:,.0f}"
