@@ -36,13 +36,16 @@ class TrainArgs:
     resume: str | None = None
     """Go on with this run (its folder, or its name under runs/), with its own arguments, to --steps in all."""
     steps: int | None = None
-    """Environment steps in all. Default: 24 million, or with --resume what the run was to have."""
+    """Environment steps in all. Default: 12 million, or with --resume what the run was to have."""
     seed: int = 0
     """Of the network, the actions and the tables."""
     opponents: tuple[str, ...] = ("striker",)
     """Whom to play against, on as many tables each; name one twice to meet it twice as often."""
-    warmup_steps: int = 3_000_000
-    """Of shooting practice (the task "hit") at first. Without it, agents learn to defend and to wait, not to shoot."""
+    warmup_steps: int = 4_000_000
+    """Of shooting practice (the task "hit") at first, at most. Without it, agents learn to defend and to wait, not to
+    shoot."""
+    warmup_success: float = 0.8
+    """Practice is over as soon as this share of its last 500 episodes succeeds."""
     opponent: str = "striker"
     """Whom evaluations while training are against."""
     reward: str = "shaped"
@@ -67,9 +70,14 @@ class TrainArgs:
     """Of PPO's surrogate objective."""
     ent_coef: float = 0.0
     """Weight of the entropy bonus."""
+    sde_sample_freq: int = 8
+    """Steps that a random disturbance of the actions lasts (gSDE): one that is drawn anew in every step mostly cancels
+    itself before it moves a paddle anywhere. 0: drawn anew in every step, whatever the state."""
+    log_std_init: float = -2.5
+    """Logarithm of the disturbance at the start; the network makes it about ten times as large with gSDE."""
     net_width: int = 64
     """Units in each of the two hidden layers, of policy and value network alike."""
-    eval_every: int = 2_000_000
+    eval_every: int = 1_000_000
     """Steps between evaluations, each with a checkpoint."""
     eval_points: int = 400
     """Points of an evaluation against the training opponent."""
@@ -80,7 +88,7 @@ class TrainArgs:
     video_seconds: float = 20.0
     """Length of the video of the trained agent; 0 for none."""
 
-    default_steps = 24_000_000
+    default_steps = 12_000_000
     command = "train_ppo"
 
     def begins_with(self) -> str | None:
@@ -103,9 +111,10 @@ class TrainArgs:
             raise ValueError(f"--opponents must be some of {OPPONENTS}, got {self.opponents!r}")
         most = math.inf
         check_ranges(
-            self, steps=(1, most), seed=(0, 2**31 - 1), warmup_steps=(0, most), num_envs=(1, most), n_steps=(2, most),
-            batch_size=(2, most), n_epochs=(1, most), learning_rate=(0, 1), gamma=(0, 1), gae_lambda=(0, 1),
-            clip_range=(0, 10), ent_coef=(0, 10), net_width=(1, most), eval_every=(1, most), eval_points=(1, most),
+            self, steps=(1, most), seed=(0, 2**31 - 1), warmup_steps=(0, most), warmup_success=(0, 1),
+            num_envs=(1, most), n_steps=(2, most), batch_size=(2, most), n_epochs=(1, most), learning_rate=(0, 1),
+            gamma=(0, 1), gae_lambda=(0, 1), clip_range=(0, 10), ent_coef=(0, 10), sde_sample_freq=(0, most),
+            log_std_init=(-20, 2), net_width=(1, most), eval_every=(1, most), eval_points=(1, most),
             report_points=(1, most), threads=(1, 1024), video_seconds=(0, 3600),
         )  # fmt: skip
 
@@ -172,12 +181,17 @@ def make_model(args: TrainArgs, env: VecMonitor) -> PPO:
         gae_lambda=args.gae_lambda,
         clip_range=args.clip_range,
         ent_coef=args.ent_coef,
+        use_sde=args.sde_sample_freq > 0,
+        sde_sample_freq=args.sde_sample_freq or -1,
         policy_kwargs={
+            "log_std_init": args.log_std_init,
+            "optimizer_kwargs": {"eps": 1e-5, "fused": True},  # Stable-Baselines3's eps; fused: quicker
             "net_arch": [args.net_width, args.net_width],
             "activation_fn": torch.nn.ReLU,  # quicker than tanh
             "features_extractor_class": RelativeFeatures,
             "features_extractor_kwargs": {"spec": PRESETS[args.table]},
         },
+        stats_window_size=500,
         seed=args.seed,
         device="cpu",
     )
@@ -207,7 +221,7 @@ def train(args: TrainArgs) -> RunFolder:
         if (other := args.begins_with()) is not None:
             _take_over(model, RunFolder.open(other))
         folder = RunFolder.create(args.name)
-        history: dict[str, Any] = {"evaluations": [], "updates": [], "report": []}
+        history: dict[str, Any] = {"practice": None, "evaluations": [], "updates": [], "report": []}
         _save(folder, model, history, league)
         write_json(folder.config, dataclasses.asdict(args))  # last: what has it can be resumed
     else:
@@ -215,7 +229,7 @@ def train(args: TrainArgs) -> RunFolder:
         try:
             kept, history = read_json(folder.config), read_json(folder.evaluations)
             args = type(args)(**{**kept, "steps": args.steps or kept["steps"], "resume": args.resume})
-            history = {name: history[name] for name in ("evaluations", "updates", "report")}
+            history = {name: history[name] for name in ("practice", "evaluations", "updates", "report")}
         except (TypeError, KeyError) as error:
             raise ValueError(f"{folder.path} cannot be resumed, its files do not fit: {error}") from error
         args.check()
@@ -230,8 +244,11 @@ def train(args: TrainArgs) -> RunFolder:
     print(f"{folder.path}: {steps:,} steps against {whom}. Ctrl-C stops early and keeps everything.")
     bar = ProgressBarCallback()
     with until_ctrl_c(bar, f"Stopped. Go on with: python -m scripts.{args.command} --resume {folder.path}"):
-        if args.begins_with() is None and model.num_timesteps < min(args.warmup_steps, steps):
-            _learn(model, steps, args.seed, make_env(args, "hit", ["idle"]), [_Until(args.warmup_steps), watch, bar])
+        practising = history["practice"] is None and args.begins_with() is None and args.warmup_steps > 0
+        if practising and model.num_timesteps < steps:
+            practice = Practice(args.warmup_steps, args.warmup_success)
+            _learn(model, steps, args.seed, make_env(args, "hit", ["idle"]), [practice, watch, bar])
+            history["practice"] = model.num_timesteps if practice.over else None
         if model.num_timesteps < steps:
             opponents, callbacks = (None, []) if league is None else (league.pool, [league])
             _learn(model, steps, args.seed, make_env(args, "point", opponents), [*callbacks, watch, bar])
@@ -259,15 +276,20 @@ def _take_over(model: PPO, folder: RunFolder) -> None:
         raise ValueError(f"--start must name a run with the same --net-width, got {folder.path}: {error}") from error
 
 
-class _Until(BaseCallback):
-    """Ends the warm-up."""
+class Practice(BaseCallback):
+    """Ends shooting practice: after so many steps, or when so many of its last episodes succeed."""
 
-    def __init__(self, steps: int) -> None:
+    def __init__(self, steps: int, success: float) -> None:
         super().__init__()
         self.steps = steps
+        self.success = success
+        self.over = False
 
     def _on_step(self) -> bool:
-        return self.num_timesteps < self.steps
+        last = self.model.ep_success_buffer or ()
+        good = len(last) == self.model._stats_window_size and sum(last) >= self.success * len(last)
+        self.over = good or self.num_timesteps >= self.steps
+        return not self.over
 
 
 def _learn(model: PPO, steps: int, seed: int, env: VecMonitor, callbacks: list[BaseCallback]) -> None:

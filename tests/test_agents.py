@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import deque
 from itertools import pairwise
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from agents.evaluation import Result, TaskResult, play_points, play_task, wilson
 from agents.features import relative_features
 from agents.files import read_json, write_json
 from agents.models import export_policy, load_player, load_ppo
-from agents.ppo import TrainArgs, make_env, make_model
+from agents.ppo import Practice, TrainArgs, make_env, make_model
 from agents.report import draw_training, print_results
 from airhockey_env.files import replace
 from airhockey_env.policy import MlpPolicy
@@ -404,6 +405,20 @@ class TestReport:
         for kept in (history, read_json(tmp_path / "evaluations.json")):  # as of a run that is resumed
             draw_training(kept, "striker", tmp_path / "training.png")
             assert (tmp_path / "training.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("steps", "successes", "episodes", "goes_on"),
+    [(99, 0, 10, True), (100, 0, 10, False), (99, 8, 10, False), (99, 7, 10, True), (99, 9, 9, True)],
+)
+def test_practice_ends_by_steps_or_by_success(steps: int, successes: int, episodes: int, goes_on: bool) -> None:
+    model = make_model(SMALL, make_env(SMALL, "hit", ["idle"]))
+    model._stats_window_size = 10
+    model.ep_success_buffer = deque([True] * successes + [False] * (episodes - successes), maxlen=10)
+    practice = Practice(100, success=0.8)
+    practice.init_callback(model)
+    model.num_timesteps = steps
+    assert practice.on_step() == goes_on != practice.over
 
 
 def test_ranges_name_the_option() -> None:

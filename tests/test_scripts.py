@@ -121,6 +121,7 @@ class TestTrainPpo:
         assert list((trained / "tensorboard").glob("events.*"))
         assert not list(trained.rglob("*part*"))
         history = json.loads((trained / "evaluations.json").read_text(), parse_constant=pytest.fail)
+        assert history["practice"] is None, "it was not over yet"
         assert [row["steps"] for row in history["evaluations"]] == [UPDATE]
         assert [row["steps"] for row in history["updates"]] == [UPDATE, 2 * UPDATE]
         assert [row["opponent"] for row in history["report"]] == list(OPPONENTS)
@@ -235,6 +236,7 @@ class TestTrainSelfPlay:
         assert len(list((folder / "league").iterdir())) == 2
         assert LAST_LINE in run("train_self_play", "--resume", "own", "--steps", str(6 * UPDATE), folder=tmp_path)
         after = {member["name"] for member in json.loads((folder / "league.json").read_text())["members"]}
+        assert json.loads((folder / "evaluations.json").read_text())["practice"] == UPDATE
         assert "striker" in before & after
         assert f"self at {5 * UPDATE}" in after - before
         assert load_ppo(folder / "model.zip").num_timesteps == 6 * UPDATE
