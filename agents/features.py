@@ -49,19 +49,24 @@ class RelativeFeatures(BaseFeaturesExtractor):
 
 
 class SmallCnn(BaseFeaturesExtractor):
-    """Two convolutions for 84 x 84 pictures, about a fifth of the work of Stable-Baselines3's `NatureCNN`."""
+    """Two convolutions for stacks of 84 x 84 pictures, made for a processor: the first looks at each patch once.
+
+    It keeps where things are (nothing is pooled), which is all that matters here. Give the policy
+    `normalize_images=False`: the division by 255 is done here, on the first layer's weights instead of the pictures.
+    """
 
     def __init__(self, observation_space: spaces.Box, features_dim: int = 128) -> None:
         super().__init__(observation_space, features_dim)
+        self.patches = torch.nn.Conv2d(observation_space.shape[0], 16, 4, stride=4)
         self.layers = torch.nn.Sequential(
-            torch.nn.Conv2d(observation_space.shape[0], 16, 8, stride=4),
             torch.nn.ReLU(),
-            torch.nn.Conv2d(16, 16, 4, stride=2),
+            torch.nn.Conv2d(16, 16, 3, stride=2),
             torch.nn.ReLU(),
             torch.nn.Flatten(),
-            torch.nn.Linear(16 * 9 * 9, features_dim),
+            torch.nn.Linear(16 * 10 * 10, features_dim),
             torch.nn.ReLU(),
         )
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
-        return self.layers(observations)
+        patches = self.patches
+        return self.layers(torch.nn.functional.conv2d(observations, patches.weight / 255.0, patches.bias, stride=4))

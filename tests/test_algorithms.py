@@ -12,11 +12,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.vec_env import VecFrameStack, VecTransposeImage
 
 from agents.algorithms import ALGORITHMS, HYPERPARAMS, AlgorithmArgs, make_env, make_model, read_hyperparameters, train
+from agents.features import SmallCnn
 from agents.models import export_policy
 from airhockey_env.policy import MlpPolicy
+from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from scripts.train import main
 
 pytestmark = pytest.mark.filterwarnings("ignore:rich is experimental")  # says tqdm of Stable-Baselines3's bar
@@ -74,7 +78,34 @@ def test_every_section_builds_its_model(path: Path, env_id: str) -> None:
     model = make_model(path.stem.removesuffix("_pixels"), hyperparameters, env)
     action, _ = model.predict(env.reset())
     assert action.shape == (hyperparameters.n_envs, 2)
-    assert env.step(action)[0].shape[-1] == (9 if path.stem.endswith("_pixels") else 13)
+    assert env.step(action)[0].shape[1:] == ((9, 84, 84) if path.stem.endswith("_pixels") else (13,))
+
+
+def test_pictures_are_stacked_as_rl_zoo_does() -> None:
+    hyperparameters = read_hyperparameters(HYPERPARAMS / "ppo_pixels.yml", "AirHockeyDefend-v0")
+    assert hyperparameters.frame_stack == 3
+    tables = AirHockeySB3VecEnv(2, task="defend", opponent="idle", max_episode_steps=250, obs_type="rgb")
+    ours, theirs = make_env("AirHockeyDefend-v0", hyperparameters, 2), VecTransposeImage(VecFrameStack(tables, 3))
+    assert ours.observation_space == theirs.observation_space
+    for env in (ours, theirs):
+        env.seed(3)
+    np.testing.assert_array_equal(ours.reset(), theirs.reset())
+    actions, ended = np.ones((2, 2), np.float32), 0
+    for _ in range(60):
+        (seen, _, dones, infos), (expected, _, _, others) = ours.step(actions), theirs.step(actions)
+        np.testing.assert_array_equal(seen, expected)
+        for row in np.flatnonzero(dones):
+            np.testing.assert_array_equal(infos[row]["terminal_observation"], others[row]["terminal_observation"])
+        ended += dones.sum()
+    assert ended
+
+
+def test_the_small_network_sees_pictures_from_0_to_1() -> None:
+    space = spaces.Box(0, 255, (3, 84, 84), np.uint8)
+    network = SmallCnn(space)
+    seen = torch.as_tensor(np.random.default_rng(2).integers(0, 256, (2, 3, 84, 84)), dtype=torch.float32)
+    expected = network.layers(network.patches(seen / 255.0))
+    np.testing.assert_allclose(network(seen).detach(), expected.detach(), atol=1e-5)
 
 
 @pytest.mark.parametrize("algo", ALGORITHMS)
