@@ -17,7 +17,7 @@ from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList, ProgressBarCallback
 from stable_baselines3.common.evaluation import evaluate_policy
-from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckActionNoise
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecMonitor, VecTransposeImage
 
@@ -30,6 +30,9 @@ from airhockey_env.game import OBS_TYPES
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 
 ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3}
+
+NOISES = {"normal": NormalActionNoise, "ornstein-uhlenbeck": OrnsteinUhlenbeckActionNoise}
+"""By RL-Zoo's names."""
 
 HYPERPARAMS = Path(__file__).parent / "hyperparams"
 
@@ -135,10 +138,10 @@ def read_hyperparameters(path: Path, env_id: str) -> Hyperparameters:
                     raise ValueError(f"{name} must be a number or lin_ and a number, got {section[name]!r}")
                 section[name] = _Linear(float(start))
         noise, deviation = section.pop("noise_type", None), section.pop("noise_std", 0.0)
-        if noise not in (None, "normal"):
-            raise ValueError(f"noise_type must be 'normal', got {noise!r}")
+        if noise is not None and noise not in NOISES:
+            raise ValueError(f"noise_type must be one of {tuple(NOISES)}, got {noise!r}")
         if noise is not None:
-            section["action_noise"] = NormalActionNoise(np.zeros(2), np.full(2, float(deviation)))
+            section["action_noise"] = NOISES[noise](np.zeros(2), np.full(2, float(deviation)))
     except Exception as error:  # whatever the Python in it does
         raise ValueError(f"{path}, section {env_id}, is not in RL-Zoo's format: {error!r}") from error
     return Hyperparameters(n_timesteps, n_envs, frame_stack, env_kwargs, section, sections[env_id])

@@ -60,7 +60,7 @@ class TrainArgs:
     """Samples of a gradient step."""
     n_epochs: int = 3
     """Passes over the samples of an update."""
-    learning_rate: float = 7e-4
+    learning_rate: float = 3.5e-4
     """At the start; falls linearly to a fiftieth of it."""
     gamma: float = 0.99
     """Discount of a step."""

@@ -20,7 +20,7 @@ class SelfPlayArgs(TrainArgs):
     """Environment steps in all. Default: 30 million, or with --resume what the run was to have."""
     opponents: tuple[str, ...] = ("striker", "goalie", "idle")
     """Scripted opponents in the league."""
-    learning_rate: float = 4e-4
+    learning_rate: float = 3e-4
     """At the start; falls linearly to a fiftieth of it."""
     latest_share: float = 0.3
     """Of episodes against the agent as it is now."""
