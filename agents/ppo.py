@@ -36,7 +36,7 @@ class TrainArgs:
     resume: str | None = None
     """Go on with this run (its folder, or its name under runs/), with its own arguments, to --steps in all."""
     steps: int | None = None
-    """Environment steps in all. Default: 12 million, or with --resume what the run was to have."""
+    """Environment steps in all. Default: 20 million, or with --resume what the run was to have."""
     seed: int = 0
     """Of the network, the actions and the tables."""
     opponents: tuple[str, ...] = ("striker",)
@@ -77,7 +77,7 @@ class TrainArgs:
     """Logarithm of the disturbance at the start; the network makes it about ten times as large with gSDE."""
     net_width: int = 64
     """Units in each of the two hidden layers, of policy and value network alike."""
-    eval_every: int = 1_000_000
+    eval_every: int = 2_000_000
     """Steps between evaluations, each with a checkpoint."""
     eval_points: int = 400
     """Points of an evaluation against the training opponent."""
@@ -88,7 +88,7 @@ class TrainArgs:
     video_seconds: float = 20.0
     """Length of the video of the trained agent; 0 for none."""
 
-    default_steps = 12_000_000
+    default_steps = 20_000_000
     command = "train_ppo"
 
     def begins_with(self) -> str | None:
