@@ -265,13 +265,14 @@ def _save(folder: RunFolder, model: BaseAlgorithm, history: dict[str, Any], leag
 
 
 def _take_over(model: PPO, folder: RunFolder) -> None:
-    """Give a new model the network of another run.
+    """Give a new model the network of another run; how it explores is its own matter.
 
     Raises:
         ValueError: it is of another shape.
     """
+    network = {**load_ppo(folder.model).policy.state_dict(), "log_std": model.policy.log_std}
     try:
-        model.policy.load_state_dict(load_ppo(folder.model).policy.state_dict())
+        model.policy.load_state_dict(network)
     except RuntimeError as error:
         raise ValueError(f"--start must name a run with the same --net-width, got {folder.path}: {error}") from error
 

@@ -20,8 +20,12 @@ class SelfPlayArgs(TrainArgs):
     """Environment steps in all. Default: 30 million, or with --resume what the run was to have."""
     opponents: tuple[str, ...] = ("striker", "goalie", "idle")
     """Scripted opponents in the league."""
-    learning_rate: float = 3e-4
+    learning_rate: float = 4e-4
     """At the start; falls linearly to a fiftieth of it."""
+    sde_sample_freq: int = 0
+    """As of the baseline; but here large disturbances that are drawn anew in every step make the better players."""
+    log_std_init: float = -1.2
+    """Logarithm of the disturbance at the start."""
     latest_share: float = 0.3
     """Of episodes against the agent as it is now."""
     scripted_share: float = 0.25
