@@ -80,7 +80,7 @@ def draw_training(history: dict[str, Any], opponent: str, path: Path) -> None:
     axis.plot(minutes, draws, color="#8a8f9c", label="draws by time", linestyle="--")
     axis.axhline(0.5, color="#c9ccd4", linewidth=1, zorder=0)
     axis.set(title=f"Wins against {opponent}, 95 % interval", xlabel="minutes", ylim=(0, 1))
-    axis.legend(frameon=False, loc="upper left")
+    axis.legend(frameon=False, loc="center right")
 
     millions = [row["steps"] / 1e6 for row in updates]
     seconds = [(row.get("episode_length") or nan) / 50 for row in updates]
