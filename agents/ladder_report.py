@@ -32,7 +32,7 @@ def print_ladder(ratings: Sequence[Rating], matches: Sequence[Match]) -> None:
         )
     cross = Table(title="Score of the row's player, %", padding=(0, 1), box=None)
     cross.add_column("")
-    cross.add_column("against")
+    cross.add_column("against", overflow="fold")
     scores = cross_table(names, matches)
     for place in range(1, len(names) + 1):
         cross.add_column(str(place), justify="right", no_wrap=True)

@@ -5,13 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from airhockey_env.game import NAMES
 from airhockey_env.policy import MlpPolicy
 from airhockey_env.trained import resolved
 
 
 def export_policy(model: Any) -> MlpPolicy:
-    """The deterministic policy of a Stable-Baselines3 PPO, A2C, SAC, TD3 or DDPG with an `MlpPolicy`, without torch."""
+    """The deterministic policy of a Stable-Baselines3 PPO, A2C, SAC, TD3 or DDPG with an `MlpPolicy`, without torch.
+
+    Raises:
+        ValueError: its actions are clipped (SAC's with gSDE are), and its hidden layers are not rectified.
+    """
     from torch import nn
 
     from agents.features import RelativeFeatures
@@ -25,14 +31,19 @@ def export_policy(model: Any) -> MlpPolicy:
         features = actor.features_extractor
     linear = [layer for layer in layers if isinstance(layer, nn.Linear)]
     weights = [layer.weight.detach().numpy() for layer in linear]
+    biases = [layer.bias.detach().numpy() for layer in linear]
     if isinstance(features, RelativeFeatures):
         weights[0] = weights[0] @ features.matrix.numpy()
-    return MlpPolicy(
-        weights,
-        [layer.bias.detach().numpy() for layer in linear],
-        "relu" if any(isinstance(layer, nn.ReLU) for layer in layers) else "tanh",
-        squash=actor is not None,
-    )
+    activation = "relu" if any(isinstance(layer, nn.ReLU) for layer in layers) else "tanh"
+    if isinstance(clip := layers[-1], nn.Hardtanh):
+        if activation != "relu":
+            raise ValueError("policy must have rectified hidden layers to be exported with clipped actions, got tanh")
+        # Two rectifiers clip: low + max(x - low, 0) - max(x - high, 0).
+        low, high = np.float32(clip.min_val), np.float32(clip.max_val)
+        one = np.eye(len(biases[-1]), dtype=np.float32)
+        weights[-1:] = [np.concatenate([weights[-1]] * 2), np.concatenate([one, -one], axis=1)]
+        biases[-1:] = [np.concatenate([biases[-1] - low, biases[-1] - high]), np.full(len(one), low)]
+    return MlpPolicy(weights, biases, activation, squash=actor is not None)
 
 
 def load_player(model: str) -> MlpPolicy | str:

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import torch
 from gymnasium import spaces
+from stable_baselines3 import SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecFrameStack, VecTransposeImage
 
@@ -48,6 +49,7 @@ def small_model(algo: str) -> BaseAlgorithm:
 
 @pytest.mark.parametrize("algo", ALGORITHMS)
 def test_the_exported_policy_acts_as_the_model(algo: str, tmp_path: Path) -> None:
+    """SAC's actions are clipped at tanh(2) with gSDE."""
     model = small_model(algo)
     observations = np.random.default_rng(5).uniform(-1.0, 1.0, (200, 13)).astype(np.float32)
     expected, _ = model.predict(observations, deterministic=True)
@@ -58,6 +60,14 @@ def test_the_exported_policy_acts_as_the_model(algo: str, tmp_path: Path) -> Non
     policy.save(tmp_path / "policy.npz")
     for one in (policy, MlpPolicy.load(tmp_path / "policy.npz")):
         np.testing.assert_allclose(one(observations), expected, atol=1e-5)
+
+
+def test_clipped_actions_of_other_networks_are_not_exported() -> None:
+    kwargs = {"net_arch": [8], "activation_fn": torch.nn.Tanh}
+    model = SAC("MlpPolicy", make_env(IDS[0], read_hyperparameters(HYPERPARAMS / "sac.yml", IDS[0])), use_sde=True,
+                policy_kwargs=kwargs, buffer_size=100)  # fmt: skip
+    with pytest.raises(ValueError, match="rectified hidden layers"):
+        export_policy(model)
 
 
 def test_a_policy_file_without_squash(tmp_path: Path) -> None:
