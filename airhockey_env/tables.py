@@ -70,21 +70,21 @@ class TableSpec:
                 raise ValueError(f"{name} must be 0 or more, got {getattr(self, name)}")
         if not 2.0 * self.puck_radius < self.goal_width:
             raise ValueError(
-                f"goal_width must be greater than the puck's diameter {2.0 * self.puck_radius}, got {self.goal_width}"
+                f"goal_width must be greater than 2 * puck_radius ({2.0 * self.puck_radius}), got {self.goal_width}"
             )
         if not self.goal_width < self.width - 2.0 * self.puck_radius:
             raise ValueError(
-                "goal_width must be less than width less the puck's diameter "
+                "goal_width must be less than width - 2 * puck_radius "
                 f"({self.width - 2.0 * self.puck_radius}), got {self.goal_width}"
             )
         if not 2.0 * (self.paddle_radius + self.puck_radius) < self.width:
             raise ValueError(
-                "width must be greater than the diameters of a paddle and the puck together "
+                "width must be greater than 2 * (paddle_radius + puck_radius) "
                 f"({2.0 * (self.paddle_radius + self.puck_radius)}), got {self.width}"
             )
         if not 8.0 * (self.paddle_radius + self.puck_radius) < self.length:
             raise ValueError(
-                "length must be greater than four diameters of a paddle and the puck together "
+                "length must be greater than 8 * (paddle_radius + puck_radius) "
                 f"({8.0 * (self.paddle_radius + self.puck_radius)}), got {self.length}"
             )
         if not 10.0 * self.paddle_radius < self.length:  # at a serve its centre is a tenth of the length from the wall
