@@ -69,4 +69,5 @@ class SmallCnn(BaseFeaturesExtractor):
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
         patches = self.patches
-        return self.layers(torch.nn.functional.conv2d(observations, patches.weight / 255.0, patches.bias, stride=4))
+        seen = torch.nn.functional.conv2d(observations, patches.weight / 255.0, patches.bias, patches.stride)
+        return self.layers(seen)

@@ -10,9 +10,9 @@ from airhockey_env.files import replace
 PALE = "#eceef2"
 
 
-def plain(axis: Any) -> None:
+def plain(axis: Any, color: str = PALE) -> None:
     """A pale grid behind what is drawn, and no frame above and on the right."""
-    axis.grid(color=PALE)
+    axis.grid(color=color)
     axis.set_axisbelow(True)
     axis.spines[["top", "right"]].set_visible(False)
 

@@ -287,8 +287,9 @@ class Practice(BaseCallback):
         self.over = False
 
     def _on_step(self) -> bool:
-        last = self.model.ep_success_buffer or ()
-        good = len(last) == self.model._stats_window_size and sum(last) >= self.success * len(last)
+        last = self.model.ep_success_buffer
+        assert last is not None, "learning has begun"
+        good = len(last) == last.maxlen and sum(last) >= self.success * len(last)
         self.over = good or self.num_timesteps >= self.steps
         return not self.over
 

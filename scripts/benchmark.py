@@ -11,19 +11,19 @@ from typing import Any, Literal
 
 import numba
 import numpy as np
-from gymnasium.error import DependencyNotInstalled
 from rich.box import SIMPLE
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
 import airhockey_env
+from agents.checks import check_output
 from agents.files import write_json
-from airhockey_env.files import replace
 from scripts._command import run_command
 from scripts.bench import batch, options, pucks, single, start, training
 from scripts.bench.measure import Effort
-from scripts.kiss.page import insert
+from scripts.kiss import page
+from scripts.kiss.style import check_matplotlib
 
 PARTS: dict[str, ModuleType] = {
     "batch": batch,
@@ -60,20 +60,11 @@ def check(args: BenchmarkArgs) -> None:
     if args.rounds < 1 or not 0.0 < args.seconds < 3600.0:
         raise ValueError("--rounds must be 1 or more, and --seconds greater than 0")
     for name, path in (("json", args.json), ("plot", args.plot), ("page", args.page)):
-        if path is not None and not path.parent.is_dir():
-            raise FileNotFoundError(f"--{name} must name a file in a folder that exists, got {path}")
+        check_output(name, path)
     if args.page is not None and not args.page.is_file():
         raise FileNotFoundError(f"--page must be a page that exists, got {args.page}")
     if args.plot is not None:
-        try:
-            import matplotlib  # noqa: F401
-        except ImportError as error:
-            raise DependencyNotInstalled('--plot needs the extra "study": pip install -e ".[study]"') from error
-
-
-def write_page(path: Path, text: str) -> None:
-    """Write it at once."""
-    replace(path, lambda part: part.write_text(text))
+        check_matplotlib("--plot needs")
 
 
 def shown(title: str, cells: list[tuple[str, ...]]) -> Table:
@@ -115,7 +106,7 @@ def benchmark(args: BenchmarkArgs) -> dict[str, Any]:
         if args.json is not None:
             write_json(args.json, results)
         if args.page is not None:
-            write_page(args.page, insert(args.page.read_text(), name, cells))
+            page.write(args.page, page.insert(args.page.read_text(), name, cells))
     if args.plot is not None:
         from scripts.bench.plot import draw
 

@@ -9,14 +9,13 @@ from types import ModuleType
 from typing import Any, Literal
 
 import numpy as np
-from gymnasium.error import DependencyNotInstalled
 
 import airhockey_env
 from agents.checks import check_output
 from agents.files import write_json
-from airhockey_env.files import replace
 from scripts._command import run_command
 from scripts.kiss import engines, error, page, phases, picture, reversal
+from scripts.kiss.style import check_matplotlib
 
 ROOT = Path(__file__).parents[1]
 PARTS: dict[str, ModuleType] = {
@@ -52,10 +51,7 @@ def kiss_study(args: KissStudyArgs) -> None:
     """
     from rich.progress import track
 
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError as error:
-        raise DependencyNotInstalled('the figures need the extra "study": pip install -e ".[study]"') from error
+    check_matplotlib("the figures need")
     if not args.out.is_dir():
         raise FileNotFoundError(f"--out must be a folder that exists, got {args.out}")
     check_output("json", args.json)
@@ -77,16 +73,12 @@ def kiss_study(args: KissStudyArgs) -> None:
         part.draw(data, args.out / f"kiss_{name}.png")
         text = page.insert(text, name, part.table(data))
         results[name] = data
-        _write(own_page, text)  # after every part: an interrupt loses none that is done
+        page.write(own_page, text)  # after every part: an interrupt loses none that is done
         if args.json is not None:
             write_json(args.json, results)
     for note in notes:
         print(note)
     print(f"Figures and tables: {args.out}")
-
-
-def _write(path: Path, text: str) -> None:
-    replace(path, lambda part: part.write_text(text))
 
 
 def main() -> None:

@@ -413,7 +413,6 @@ class TestReport:
 )
 def test_practice_ends_by_steps_or_by_success(steps: int, successes: int, episodes: int, goes_on: bool) -> None:
     model = make_model(SMALL, make_env(SMALL, "hit", ["idle"]))
-    model._stats_window_size = 10
     model.ep_success_buffer = deque([True] * successes + [False] * (episodes - successes), maxlen=10)
     practice = Practice(100, success=0.8)
     practice.init_callback(model)

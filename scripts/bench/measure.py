@@ -13,8 +13,8 @@ from typing import Any
 class Effort:
     """How much to measure: `rounds` of about `seconds` each; `quick` leaves out what is large."""
 
-    rounds: int = 5
-    seconds: float = 0.2
+    rounds: int
+    seconds: float
     quick: bool = False
 
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
+
+from airhockey_env.files import replace
 
 Rows = list[tuple[str, ...]]
 
@@ -12,6 +15,11 @@ def markdown(rows: Rows) -> str:
     head, *body = rows
     lines = [head, tuple("---" for _ in head), *body]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+
+
+def write(path: Path, text: str) -> None:
+    """Write a page, at once or not at all."""
+    replace(path, lambda part: part.write_text(text))
 
 
 def insert(page: str, part: str, rows: Rows) -> str:

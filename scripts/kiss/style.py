@@ -6,6 +6,9 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gymnasium.error import DependencyNotInstalled
+
+from agents.plots import plain
 from airhockey_env.files import replace
 
 if TYPE_CHECKING:
@@ -18,6 +21,14 @@ BLUE, RED, GREEN = "#0072B2", "#D55E00", "#009E73"
 INK, GREY, PALE = "#22262e", "#8a8f9c", "#e6e8ee"
 
 
+def check_matplotlib(what: str) -> None:
+    """Raises DependencyNotInstalled if `what`, as its message begins, cannot be drawn."""
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError as error:
+        raise DependencyNotInstalled(f'{what} the extra "study": pip install -e ".[study]"') from error
+
+
 def new_figure(width: float, height: float) -> Figure:
     """An empty figure, inches."""
     from matplotlib.figure import Figure
@@ -27,9 +38,7 @@ def new_figure(width: float, height: float) -> Figure:
 
 def tidy(axis: Axes) -> None:
     """A pale grid behind the data, and no box around it."""
-    axis.grid(color=PALE)
-    axis.set_axisbelow(True)
-    axis.spines[["top", "right"]].set_visible(False)
+    plain(axis, PALE)
 
 
 def save(figure: Figure, path: Path) -> None:

@@ -67,10 +67,10 @@ def play_bout(seed: int, number: int, steps: int = HOSTILE_STEPS, trials: int = 
     tally = Tally(bouts=1)
     own_seed = int(np.random.SeedSequence((seed, number)).generate_state(1)[0])
     report = play_hostile(name, rate, steps, own_seed)
-    _count(tally, report)
+    tally.add(_tally_of(report))
     if number % REPEAT == 0 and report.case is None:
         again = play_hostile(name, rate, steps, own_seed)
-        _count(tally, again)
+        tally.add(_tally_of(again))
         if again != report:
             play = {"name": name, "control_hz": rate, "steps": steps, "seed": own_seed}
             tally.cases.append(Case("hostile", play, [], NOT_AGAIN))
@@ -80,12 +80,9 @@ def play_bout(seed: int, number: int, steps: int = HOSTILE_STEPS, trials: int = 
     return tally
 
 
-def _count(tally: Tally, report: Report) -> None:
-    tally.hostile_steps += report.steps
-    tally.worst = max(tally.worst, report.worst)
-    tally.counts = [mine + its for mine, its in zip(tally.counts, report[2:8], strict=True)]
-    if report.case is not None:
-        tally.cases.append(report.case)
+def _tally_of(report: Report) -> Tally:
+    cases = [] if report.case is None else [report.case]
+    return Tally(hostile_steps=report.steps, worst=report.worst, counts=list(report[2:8]), cases=cases)
 
 
 def _count_trial(tally: Tally, rng: np.random.Generator) -> None:
