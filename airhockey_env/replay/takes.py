@@ -117,7 +117,8 @@ class Recorder:
 
     def _save_the_rest(self) -> None:
         """Write the file, if there is anything to write that is not in it."""
-        if any(takes.starts for takes in self._takes.values()) and self._saved != self._steps():
+        takes: dict[int, Takes] = getattr(self, "_takes", {})  # Gymnasium 1.1 closes also a wrapper that was refused
+        if any(take.starts for take in takes.values()) and self._saved != self._steps():
             self.save()
 
     def _state(self, table: int) -> NDArray[np.void]:
