@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from airhockey_env.game import NAMES, Game
+from airhockey_env.game import Game
+from airhockey_env.players import NAMES
 from airhockey_env.records import AUTORESET_NEXT_STEP, LEFT, RIGHT
 from airhockey_env.tasks import TASKS
 from airhockey_env.trained import resolved

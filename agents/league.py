@@ -21,7 +21,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from agents.files import read_json, write_json
 from agents.models import export_policy
-from airhockey_env.game import Opponent
+from airhockey_env.players import Opponent
 from airhockey_env.policy import MlpPolicy
 
 WINDOW = 400

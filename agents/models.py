@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from airhockey_env.game import NAMES
+from airhockey_env.players import NAMES
 from airhockey_env.policy import MlpPolicy
 from airhockey_env.trained import resolved
 

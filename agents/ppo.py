@@ -21,7 +21,7 @@ from agents.files import read_json, write_json
 from agents.league import League
 from agents.models import export_policy, load_ppo
 from agents.runs import Clock, Records, RunFolder, logger, save, until_ctrl_c
-from airhockey_env.game import Opponent
+from airhockey_env.players import Opponent
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import PRESETS
 from airhockey_env.tasks import TASKS

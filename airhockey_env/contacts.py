@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from airhockey_env.compiled import compiled
 from airhockey_env.engine.records import CONTACT
 
 
@@ -21,18 +22,18 @@ class Contacts:
     shape: the number of contacts varies.
     """
 
-    __slots__ = ("_block", "_count", "_row")
+    __slots__ = ("_all", "_first", "_last")
 
-    def __init__(self, block: NDArray[np.void], row: int, count: int) -> None:
-        """The first `count` contacts in a row of `block`, (rows, contacts); taken out of it when they are asked for."""
-        self._block = block
-        self._row = row
-        self._count = count
+    def __init__(self, contacts: NDArray[np.void], first: int, last: int) -> None:
+        """Those from `first` to `last` (excluded) of the contacts of many tables; taken out when they are asked for."""
+        self._all = contacts
+        self._first = first
+        self._last = last
 
     @property
     def rows(self) -> NDArray[np.void]:
         """The structured array."""
-        return self._block[self._row, : self._count]
+        return self._all[self._first : self._last]
 
     @property
     def dtype(self) -> np.dtype:
@@ -64,13 +65,13 @@ class Contacts:
     __hash__ = None  # type: ignore[assignment]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Contacts, (np.array(self.rows)[np.newaxis], 0, self._count)  # without the other rows of the block
+        return Contacts, (np.array(self.rows), 0, len(self.rows))  # without those of other tables
 
     def __repr__(self) -> str:
         return f"Contacts({self.rows!r})"
 
 
-NO_CONTACTS = Contacts(np.zeros((1, 0), CONTACT), 0, 0)
+NO_CONTACTS = Contacts(np.zeros(0, CONTACT), 0, 0)
 
 
 def batch_contacts(
@@ -82,10 +83,33 @@ def batch_contacts(
     """
     contacts = np.empty(len(counts), dtype=object)
     contacts.fill(NO_CONTACTS)
-    rows = np.flatnonzero(counts)
+    together, rows, bounds = _gather(buffer, counts)
     if len(rows):
-        made = map(Contacts, repeat(buffer[rows]), range(len(rows)), counts[rows].tolist())
+        ends = bounds.tolist()
+        made = map(Contacts, repeat(together), ends, ends[1:])
         contacts[rows] = np.fromiter(made, dtype=object, count=len(rows))
     if not present.all():
         contacts[~present] = None
     return contacts
+
+
+@compiled
+def _gather(buffer, counts):
+    """The first `counts[i]` contacts of every row i, one after the other; the rows that have any; where each begins."""
+    n, rows = 0, 0
+    for i in range(counts.shape[0]):
+        n += counts[i]
+        rows += counts[i] > 0
+    together = np.empty(n, buffer.dtype)
+    having = np.empty(rows, np.int64)
+    bounds = np.zeros(rows + 1, np.int64)
+    n, rows = 0, 0
+    for i in range(counts.shape[0]):
+        if counts[i] > 0:
+            for k in range(counts[i]):
+                together[n] = buffer[i, k]
+                n += 1
+            having[rows] = i
+            rows += 1
+            bounds[rows] = n
+    return together, having, bounds

@@ -8,8 +8,10 @@ from typing import Any
 import gymnasium as gym
 from numpy.typing import NDArray
 
+from airhockey_env.checks import check_seed
 from airhockey_env.face import TableFace
-from airhockey_env.game import Game, Policy, check_opponent, check_seed
+from airhockey_env.game import Game
+from airhockey_env.players import Policy, check_opponent
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.tables import TableSpec
 

@@ -96,8 +96,8 @@ class TableFace(Face):
     def _info_of(self, score: NDArray[np.int32], success: bool) -> dict[str, Any]:
         """What a player is told, who has this score."""
         game = self._game
-        count = game.tables["n_contacts"][0]
-        contacts = Contacts(game.out.contacts.copy(), 0, count) if count else NO_CONTACTS
+        count = game.out.n_contacts.item()
+        contacts = Contacts(game.out.contacts[0, :count].copy(), 0, count) if count else NO_CONTACTS
         info: dict[str, Any] = {"score": score, "contacts": contacts, "is_success": success}
         if game.randomized:
             info["table"] = {name: float(value[0]) for name, value in game.drawn().items()}

@@ -13,12 +13,13 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env import kernel
+from airhockey_env.checks import check_directions, check_number, check_rows, check_skill, check_velocities, check_whole
 from airhockey_env.compiled import machine_code, records
 from airhockey_env.engine.records import CONTACT
-from airhockey_env.engine.tolerances import OVERLAP
-from airhockey_env.opponents import EXTERNAL, SCRIPTED
+from airhockey_env.opponents import EXTERNAL
 from airhockey_env.physics import FIELDS, check_ranges, physics_record, spec_of, with_spec
 from airhockey_env.pixels import CHANNELS, Pixels
+from airhockey_env.players import Group, Opponent, answers_of, check_opponent, groups_of, number_of, pool_of, scripted
 from airhockey_env.random_stream import stream_from_seed
 from airhockey_env.records import (
     AUTORESET_DISABLED,
@@ -32,38 +33,17 @@ from airhockey_env.records import (
     SETTINGS,
     TABLE,
 )
-from airhockey_env.spaces import DIRECTIONS
+from airhockey_env.reset_options import SERVERS, ResetOptions, check_reset_options
 from airhockey_env.tables import TableSpec, resolve_table
-from airhockey_env.tasks import TASKS, right_start
-from airhockey_env.trained import TRAINED, resolved
-
-Policy = Callable[[NDArray[np.float32]], ArrayLike]
-"""An opponent from outside: float32 observations (N, 13), seen from its own side, to actions (N, 2)."""
-
-Opponent = str | Policy
-"""Who plays the right paddle: a name in `NAMES`, or a policy from outside."""
+from airhockey_env.tasks import TASKS
 
 REWARDS = ("sparse", "shaped")
-NAMES = (*SCRIPTED, *TRAINED)
-"""Of opponents."""
-
 OBS_TYPES = ("state", *CHANNELS)
 CONTROL_HZ = (10, 240)
 ROWS_PER_THREAD = 1024
 """Fewer tables than this are not worth waking a thread for."""
 PICTURES_PER_THREAD = 64
 """Nor fewer pictures than this."""
-
-SERVERS = {"random": 0, "left": -1, "right": 1}
-
-
-class ResetOptions(NamedTuple):
-    """How an episode begins."""
-
-    serve: str = "random"  # one of SERVERS
-    puck_position: NDArray[np.float64] | None = None  # (2,) m, in place of the served one
-    puck_velocity: NDArray[np.float64] | None = None  # (2,) m/s
-
 
 RANDOMIZED_TABLE = np.dtype([("table", TABLE), ("physics", PHYSICS)])
 """The state of a table whose physics is drawn anew for every episode."""
@@ -79,6 +59,7 @@ class Outputs(NamedTuple):
     other_observation: NDArray[np.float32]  # (N, 13) of the right players, where these come from outside
     final_observation: NDArray[np.float32]  # (N, 13) what an automatic reset in the same step replaced
     score: NDArray[np.int32]  # (N, 2) left, right
+    n_contacts: NDArray[np.int32]  # (N,) in the last step: the first so many of its row of `contacts`
     final_score: NDArray[np.int32]  # (N, 2) and what
     final_contacts: NDArray[np.int32]  # (N,) an automatic reset in the same step replaced
     success: NDArray[np.bool_]  # (N,) the step ended the episode with success
@@ -88,16 +69,6 @@ class Outputs(NamedTuple):
     terminated: NDArray[np.bool_]  # (N,)
     truncated: NDArray[np.bool_]  # (N,)
     contacts: NDArray[np.void]  # (N, CONTACT_ROWS) CONTACT
-
-
-class Group(NamedTuple):
-    """The tables on which one policy from outside plays, and what it is shown of them."""
-
-    policy: Policy
-    name: str  # for errors
-    rows: slice | NDArray[np.int64]  # n tables; a slice where they follow each other
-    seen: NDArray[np.float32]  # (n, 13), read-only: a view of all observations with a slice, else of `copied`
-    copied: NDArray[np.float32] | None  # (n, 13), filled in every step
 
 
 _step_code: list[Callable[..., None]] = []
@@ -146,10 +117,10 @@ class Game:
         randomize: Mapping[str, Any] | None = None,
         num_threads: int | None = None,
     ) -> None:
-        self.num_tables = _whole("num_envs", num_tables, 1)
+        self.num_tables = check_whole("num_envs", num_tables, 1)
         self.spec = resolve_table(table)
-        self._left = _scripted("player", player)
-        self._pool = _pool(opponent)
+        self._left = scripted("player", player)
+        self._pool = pool_of(opponent)
         self._two_players = opponent is None
         if not isinstance(reward, str) or reward not in REWARDS:
             raise ValueError(f"reward must be one of {REWARDS}, got {reward!r}")
@@ -160,10 +131,10 @@ class Game:
         if not isinstance(continuous, (bool, np.bool_)):
             raise ValueError(f"continuous must be True or False, got {continuous!r}")
         self.continuous = bool(continuous)
-        self.control_hz = _between("control_hz", control_hz, *CONTROL_HZ)
-        skill = _skill(opponent_skill, self.num_tables)
-        max_steps = 0 if max_episode_steps is None else _whole("max_episode_steps", max_episode_steps, 1)
-        self.num_threads = (os.cpu_count() or 1) if num_threads is None else _whole("num_threads", num_threads, 1)
+        self.control_hz = check_number("control_hz", control_hz, *CONTROL_HZ)
+        skill = check_skill(opponent_skill, self.num_tables)
+        max_steps = 0 if max_episode_steps is None else check_whole("max_episode_steps", max_episode_steps, 1)
+        self.num_threads = (os.cpu_count() or 1) if num_threads is None else check_whole("num_threads", num_threads, 1)
         self._threads: ThreadPoolExecutor | None = None
 
         self.ranges = check_ranges(self.spec, {} if randomize is None else randomize)
@@ -175,7 +146,7 @@ class Game:
         if not isinstance(task, str) or task not in TASKS:
             raise ValueError(f"task must be one of {sorted(TASKS)}, got {task!r}")
         self.settings["task"] = TASKS[task].number
-        self.settings["points"] = TASKS[task].points if points is None else _whole("points", points, 1)
+        self.settings["points"] = TASKS[task].points if points is None else check_whole("points", points, 1)
         self.settings["max_steps"] = max_steps
         self.settings["shaped"] = reward == "shaped"
         self.settings["autoreset"] = autoreset
@@ -192,6 +163,7 @@ class Game:
             other_observation=np.zeros((n if self._two_players else 0, OBSERVATION_SIZE), np.float32),
             final_observation=np.zeros((n, OBSERVATION_SIZE), np.float32),
             score=np.zeros((n, 2), np.int32),
+            n_contacts=np.zeros(n, np.int32),
             final_score=np.zeros((n, 2), np.int32),
             final_contacts=np.zeros(n, np.int32),
             success=np.zeros(n, np.bool_),
@@ -249,11 +221,11 @@ class Game:
     def check_action(self, action: Any, name: str = "action") -> NDArray[np.float32]:
         """The action of a game on one table as (1, 2) float32; see `check_actions`. Errors call it `name`."""
         if not self.continuous:
-            return _directions(name, action, ())
+            return check_directions(name, action, ())
         usual = isinstance(action, np.ndarray) and action.dtype == np.float32 and action.shape == (2,)
         if usual and action.flags.c_contiguous and math.isfinite(action[0]) and math.isfinite(action[1]):  # quickly
             return action.reshape(1, 2)
-        return _velocities(name, action, (2,)).reshape(1, 2)
+        return check_velocities(name, action, (2,)).reshape(1, 2)
 
     def check_actions(self, actions: ArrayLike) -> NDArray[np.float32]:
         """Actions as float32 target velocities (N, 2).
@@ -262,7 +234,9 @@ class Game:
             ValueError: of another shape or kind than the action space's, or not finite.
         """
         n = self.num_tables
-        return _velocities("actions", actions, (n, 2)) if self.continuous else _directions("actions", actions, (n,))
+        if not self.continuous:
+            return check_directions("actions", actions, (n,))
+        return check_velocities("actions", actions, (n, 2))
 
     def step(self, targets: NDArray[np.float32], others: NDArray[np.float32] | None = None) -> None:
         """Play one step on all tables; the results lie in `out`.
@@ -320,8 +294,8 @@ class Game:
             ValueError: there is no such place, or no such opponent. Nothing has changed then.
         """
         self._check_one_player()
-        index = _whole("index", index, 0, len(self._pool) - 1)
-        _scripted("opponent", check_opponent(opponent))
+        index = check_whole("index", index, 0, len(self._pool) - 1)
+        number_of(check_opponent(opponent))
         self._pool[index] = opponent
         self._seat(np.flatnonzero(self.tables["opponent"] == index))
 
@@ -332,7 +306,7 @@ class Game:
             ValueError: no such opponent. Nothing has changed then.
         """
         self._check_one_player()
-        _scripted("opponent", check_opponent(opponent))
+        number_of(check_opponent(opponent))
         self._pool.append(opponent)
         self._seat(self.check_rows([]))
         return len(self._pool) - 1
@@ -350,7 +324,7 @@ class Game:
             ValueError: the skill is out of range, or there are no such tables. Nothing has changed then.
         """
         rows = self.check_rows(tables)
-        self.tables["skill"][rows, 1] = _skill(skill, len(rows))
+        self.tables["skill"][rows, 1] = check_skill(skill, len(rows))
 
     def check_begun(self, rows: NDArray[Any] | slice = slice(None)) -> None:
         """Whether there is anything to see on the given tables.
@@ -463,7 +437,7 @@ class Game:
 
     def _seat(self, rows: NDArray[np.int64]) -> None:
         """Bring what follows from the pool, and from the places in it of the given tables, up to date."""
-        self._numbers = np.array([_scripted("opponent", member) for member in self._pool], np.int8)
+        self._numbers = np.array([number_of(member) for member in self._pool], np.int8)
         self.tables["player"][rows, RIGHT] = self._numbers[self.tables["opponent"][rows]]
         self._groups = None  # made where they are needed
         self._asks = not self._two_players and bool((self.tables["player"][:, RIGHT] == EXTERNAL).any())
@@ -481,47 +455,12 @@ class Game:
                 return
             kernel.refresh_rows(playing, self.tables, self.physics, self.settings, self.out)
 
-    def _group(self) -> list[Group]:
-        """The tables on which policies from outside play, one group for each policy, in the order of the pool."""
-        members: dict[int, int] = {}  # a policy may have several places
-        group_of = np.full(len(self._pool), -1, np.min_scalar_type(-1 - len(self._pool)))  # small ones sort faster
-        for place, member in enumerate(self._pool):
-            if self._numbers[place] == EXTERNAL:
-                group_of[place] = members.setdefault(id(resolved(member)), len(members))
-        groups_of_tables = group_of[self.tables["opponent"]]
-        order = np.argsort(groups_of_tables, kind="stable")
-        bounds = np.searchsorted(groups_of_tables[order], np.arange(len(members) + 1))
-        groups = []
-        for group in range(len(members)):
-            rows = order[bounds[group] : bounds[group + 1]]
-            if not len(rows):
-                continue
-            place = int(np.argmax(group_of == group))
-            name = "the opponent's actions" if len(self._pool) == 1 else f"the actions of opponent {place}"
-            policy: Any = resolved(self._pool[place])
-            if rows[-1] - rows[0] == len(rows) - 1:
-                part, copied = slice(int(rows[0]), int(rows[-1]) + 1), None
-                seen = self.out.other_observation[part]
-                groups.append(Group(policy, name, part, _read_only(seen), None))
-            else:
-                copied = np.zeros((len(rows), OBSERVATION_SIZE), np.float32)
-                groups.append(Group(policy, name, rows, _read_only(copied), copied))
-        return groups
-
     def _ask(self) -> NDArray[np.float32]:
         """The actions of the opponents from outside."""
+        observations = self.out.other_observation
         if self._groups is None:
-            self._groups = self._group()
-        n = self.num_tables
-        if len(self._groups) == 1 and len(self._groups[0].seen) == n:
-            group = self._groups[0]
-            self.answers = _velocities(group.name, group.policy(group.seen), (n, 2))
-            return self.answers
-        for policy, name, rows, seen, copied in self._groups:
-            if copied is not None and not isinstance(rows, slice):
-                np.take(self.out.other_observation, rows, axis=0, out=copied, mode="clip")  # others would copy twice
-            self._others[rows] = _velocities(name, policy(seen), (len(seen), 2))
-        self.answers = self._others
+            self._groups = groups_of(self._pool, self.tables["opponent"], observations)
+        self.answers = answers_of(self._groups, observations, self._others)
         return self.answers
 
     def _check_one_player(self) -> None:
@@ -540,26 +479,8 @@ class Game:
             raise ValueError(f"state must be of a game at control_hz {self.control_hz}, as this one; got another's")
 
     def check_rows(self, tables: ArrayLike | None, name: str = "tables", repeated: bool = False) -> NDArray[np.int64]:
-        """Numbers of tables; errors call them `name`."""
-        if tables is None:
-            return self._all_rows
-        n = self.num_tables
-        try:
-            given = np.atleast_1d(np.asarray(tables))
-        except ValueError as error:
-            raise ValueError(f"{name} must be numbers of tables or a mask, got {tables!r}") from error
-        if given.dtype == np.bool_ and given.shape == (n,):
-            return np.flatnonzero(given)
-        if not given.size:
-            given = given.astype(np.int64)
-        whole = given.ndim == 1 and given.dtype.kind in "iu"
-        valid = whole and not ((given < 0) | (given >= n)).any()
-        if not valid or not (repeated or len(np.unique(given)) == len(given)):
-            once = "" if repeated else ", each once"
-            raise ValueError(
-                f"{name} must be whole numbers from 0 to {n - 1}{once}, or a mask of {n} bools; got {tables!r}"
-            )
-        return given.astype(np.int64)
+        """Numbers of tables, each once unless `repeated`, or a mask, or None for all; errors call them `name`."""
+        return self._all_rows if tables is None else check_rows(name, tables, self.num_tables, repeated)
 
     def check_reset_options(self, options: Mapping[str, Any] | None) -> ResetOptions:
         """`options` of a reset, checked; see `AirHockeyEnv.reset`.
@@ -567,39 +488,7 @@ class Game:
         Raises:
             ValueError: one is unknown or out of range.
         """
-        options = {} if options is None else options
-        if not isinstance(options, Mapping):
-            raise ValueError(f"options must be a mapping or None, got {options!r}")
-        for name in options:
-            if name not in ResetOptions._fields:
-                raise ValueError(f"options may hold {ResetOptions._fields}, got {name!r}")
-        serve = options.get("serve", "random")
-        if not isinstance(serve, str) or serve not in SERVERS:
-            raise ValueError(f"options['serve'] must be one of {sorted(SERVERS)}, got {serve!r}")
-        place = _pair("options['puck_position']", options.get("puck_position"))
-        if place is not None:
-            spec = self.spec
-            limit = np.array([0.5 * spec.length, 0.5 * spec.width]) - spec.puck_radius
-            if (np.abs(place) > limit + OVERLAP).any():
-                raise ValueError(
-                    f"options['puck_position'] must be at most {tuple(limit.tolist())} m from the centre, "
-                    f"got {tuple(place.tolist())}"
-                )
-            if self.randomized:
-                raise ValueError("options['puck_position'] does not go with randomize: the table is not known yet")
-            reach = spec.paddle_radius + spec.puck_radius
-            for x, y in ((-0.5 * HOME * spec.length, 0.0), right_start(spec, int(self.settings["task"][0]))):
-                if math.dist(place, (x, y)) < reach - OVERLAP:
-                    raise ValueError(
-                        f"options['puck_position'] must be {reach} m from the paddle that starts at ({x}, {y}), "
-                        f"got {tuple(place.tolist())}"
-                    )
-        velocity = _pair("options['puck_velocity']", options.get("puck_velocity"))
-        if velocity is not None and math.hypot(*velocity) > self.spec.puck_speed:
-            raise ValueError(
-                f"options['puck_velocity'] must be at most {self.spec.puck_speed} m/s, got {tuple(velocity.tolist())}"
-            )
-        return ResetOptions(serve, place, velocity)
+        return check_reset_options(options, self.spec, int(self.settings["task"][0]), bool(self.randomized))
 
     def __getstate__(self) -> dict[str, Any]:
         # Threads and groups (whose views a copy would not keep) are made anew where they are needed.
@@ -618,130 +507,3 @@ class Game:
             }
         )
         return copied
-
-
-def check_opponent(opponent: Any, several: bool = False) -> Any:
-    """`opponent` of a face: unlike a caller of `Game`, its user does not play the right paddle too.
-
-    Args:
-        several: a sequence of opponents will do as well.
-
-    Raises:
-        ValueError: None, or a sequence that will not do.
-    """
-    if opponent is None or (not several and _is_pool(opponent)):
-        raise ValueError(f"opponent must be one of {NAMES} or a callable, got {opponent!r}")
-    return opponent
-
-
-def _is_pool(opponent: Any) -> bool:
-    return isinstance(opponent, Sequence) and not isinstance(opponent, (str, bytes)) and not callable(opponent)
-
-
-def _pool(opponent: Any) -> list[Opponent | None]:
-    """The pool of opponents that an `opponent` argument means."""
-    if not _is_pool(opponent):
-        _scripted("opponent", opponent)
-        return [opponent]
-    if not opponent:
-        raise ValueError(f"opponent must be a player, or a sequence of one or more, got {opponent!r}")
-    for place, member in enumerate(opponent):
-        if not callable(member) and not (isinstance(member, str) and member in NAMES):
-            raise ValueError(
-                f"opponent must be one of {NAMES}, a callable, or a sequence of these, got {member!r} at "
-                f"place {place} of one"
-            )
-    return list(opponent)
-
-
-def _scripted(name: str, player: str | Policy | None) -> int:
-    """The number of who drives a paddle."""
-    if player is None or (name == "opponent" and callable(resolved(player))):
-        return EXTERNAL
-    if isinstance(player, str) and player in SCRIPTED:
-        return SCRIPTED[player]
-    allowed = f"{NAMES} or a callable" if name == "opponent" else f"{tuple(SCRIPTED)}"
-    raise ValueError(f"{name} must be one of {allowed}, got {player!r}")
-
-
-def _read_only(array: NDArray[np.float32]) -> NDArray[np.float32]:
-    view = array.view()
-    view.flags.writeable = False
-    return view
-
-
-def _skill(skill: ArrayLike, num_tables: int) -> NDArray[np.float64] | float:
-    """A skill for all tables, or one for each."""
-    try:
-        skills = np.asarray(skill)
-    except ValueError:  # lists of different lengths
-        skills = np.array([None])
-    if skills.ndim == 0:
-        return _between("opponent_skill", skill, 0.0, 1.0)
-    if skills.shape != (num_tables,) or skills.dtype.kind not in "fiu" or not ((skills >= 0) & (skills <= 1)).all():
-        raise ValueError(f"opponent_skill must be from 0 to 1, one number or one for each table, got {skill!r}")
-    return skills.astype(np.float64)
-
-
-def _velocities(name: str, actions: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Target velocities as float32. Those that float32 cannot hold are clipped, as all beyond [-1, 1] will be."""
-    try:
-        given = np.asarray(actions)
-        if given.dtype != np.float32:
-            given = given.astype(np.float64, casting="same_kind", copy=False)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name} must be an array of shape {shape}, got {actions!r}") from error
-    if given.shape != shape:
-        raise ValueError(f"{name} must be an array of shape {shape}, got shape {given.shape}")
-    if not np.isfinite(given).all():
-        raise ValueError(f"{name} must be finite, got {given[~np.isfinite(given)][0]}")
-    if given.dtype != np.float32:
-        given = given.clip(-1.0, 1.0).astype(np.float32)
-    return np.ascontiguousarray(given)
-
-
-def _directions(name: str, actions: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Discrete actions as target velocities (N, 2)."""
-    try:
-        chosen = np.asarray(actions)
-    except ValueError as error:
-        raise ValueError(f"{name} must be whole numbers from 0 to 8, got {actions!r}") from error
-    if chosen.shape != shape or chosen.dtype.kind not in "iu" or ((chosen < 0) | (chosen > 8)).any():
-        raise ValueError(f"{name} must be whole numbers from 0 to 8, of shape {shape}; got {actions!r}")
-    return DIRECTIONS[chosen.reshape(-1)]
-
-
-def check_seed(seed: Any) -> int:
-    """A seed as an int.
-
-    Raises:
-        ValueError: it is not a whole number from 0 up.
-    """
-    return _whole("seed", seed, 0, math.inf)
-
-
-def _whole(name: str, value: Any, least: int, most: float = 2**31 - 1) -> int:
-    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-    if not whole or not least <= value <= most:
-        limit = "up" if math.isinf(most) else f"to {most}"
-        raise ValueError(f"{name} must be a whole number from {least} {limit}, got {value!r}")
-    return int(value)
-
-
-def _between(name: str, value: Any, low: float, high: float) -> float:
-    number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-    if not number or not low <= value <= high:
-        raise ValueError(f"{name} must be a number from {low} to {high}, got {value!r}")
-    return float(value)
-
-
-def _pair(name: str, value: Any) -> NDArray[np.float64] | None:
-    if value is None:
-        return None
-    try:
-        pair = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name} must be two finite numbers, got {value!r}") from error
-    if pair.shape != (2,) or not np.isfinite(pair).all():
-        raise ValueError(f"{name} must be two finite numbers, got {value!r}")
-    return pair

@@ -130,9 +130,10 @@ def step_rows(first, last, tables, physics, settings, ranges, actions, others, o
 
 @inlined
 def observe_row(table, physics, settings, out, i):
-    """Write the observations of table i."""
+    """Write what table i looks like: its observations, its score, and how many contacts the last step had."""
     observe(table, physics, LEFT, out.observation, i)
     out.score[i, 0], out.score[i, 1] = table.score[0], table.score[1]
+    out.n_contacts[i] = table.n_contacts
     if settings.both_sides:
         observe(table, physics, RIGHT, out.other_observation, i)
 

@@ -10,8 +10,9 @@ from gymnasium import spaces
 from gymnasium.error import DependencyNotInstalled, ResetNeeded
 from numpy.typing import NDArray
 
+from airhockey_env.checks import check_seed
 from airhockey_env.face import TableFace
-from airhockey_env.game import Game, check_seed
+from airhockey_env.game import Game
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.tables import TableSpec
 

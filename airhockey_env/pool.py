@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from airhockey_env.game import Game, Opponent
+from airhockey_env.game import Game
+from airhockey_env.players import Opponent
 
 
 class OpponentPool:

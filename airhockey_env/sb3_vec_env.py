@@ -10,8 +10,10 @@ from gymnasium import spaces
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
+from airhockey_env.checks import check_seed
 from airhockey_env.face import BatchFace
-from airhockey_env.game import Game, Opponent, check_opponent, check_seed
+from airhockey_env.game import Game
+from airhockey_env.players import Opponent, check_opponent
 from airhockey_env.pool import OpponentPool
 from airhockey_env.records import AUTORESET_SAME_STEP
 from airhockey_env.spaces import action_space, observation_space

@@ -10,9 +10,11 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
+from airhockey_env.checks import check_seed
 from airhockey_env.contacts import batch_contacts
 from airhockey_env.face import BatchFace
-from airhockey_env.game import Game, Opponent, check_opponent, check_seed
+from airhockey_env.game import Game
+from airhockey_env.players import Opponent, check_opponent
 from airhockey_env.pool import OpponentPool
 from airhockey_env.records import AUTORESET_DISABLED, AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP
 from airhockey_env.spaces import action_space, observation_space
@@ -162,7 +164,7 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
         out = self._game.out
         played = mask is None and self.autoreset_mode != AutoresetMode.SAME_STEP
         success = out.success.copy() if played else np.zeros(self.num_envs, np.bool_)
-        return self._info_of(present, out.score.copy(), self._game.tables["n_contacts"], success, self._game.drawn())
+        return self._info_of(present, out.score.copy(), out.n_contacts, success, self._game.drawn())
 
     def _info_of(
         self,

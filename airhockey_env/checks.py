@@ -1,0 +1,109 @@
+"""Checks of what callers give. Each returns it in one form, or raises a ValueError that names the argument."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from airhockey_env.spaces import DIRECTIONS
+
+
+def check_whole(name: str, value: Any, least: int, most: float = 2**31 - 1) -> int:
+    """A whole number from `least` to `most`."""
+    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    if not whole or not least <= value <= most:
+        limit = "up" if math.isinf(most) else f"to {most}"
+        raise ValueError(f"{name} must be a whole number from {least} {limit}, got {value!r}")
+    return int(value)
+
+
+def check_number(name: str, value: Any, low: float, high: float) -> float:
+    """A number from `low` to `high`."""
+    number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+    if not number or not low <= value <= high:
+        raise ValueError(f"{name} must be a number from {low} to {high}, got {value!r}")
+    return float(value)
+
+
+def check_pair(name: str, value: Any) -> NDArray[np.float64]:
+    """Two finite numbers, (2,)."""
+    try:
+        pair = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} must be two finite numbers, got {value!r}") from error
+    if pair.shape != (2,) or not np.isfinite(pair).all():
+        raise ValueError(f"{name} must be two finite numbers, got {value!r}")
+    return pair
+
+
+def check_seed(seed: Any) -> int:
+    """A seed as an int.
+
+    Raises:
+        ValueError: it is not a whole number from 0 up.
+    """
+    return check_whole("seed", seed, 0, math.inf)
+
+
+def check_rows(name: str, tables: ArrayLike, n: int, repeated: bool = False) -> NDArray[np.int64]:
+    """Numbers of some of n tables, given as such or as a mask; `repeated`: each may be there more than once."""
+    try:
+        given = np.atleast_1d(np.asarray(tables))
+    except ValueError as error:
+        raise ValueError(f"{name} must be numbers of tables or a mask, got {tables!r}") from error
+    if given.dtype == np.bool_ and given.shape == (n,):
+        return np.flatnonzero(given)
+    if not given.size:
+        given = given.astype(np.int64)
+    whole = given.ndim == 1 and given.dtype.kind in "iu"
+    valid = whole and not ((given < 0) | (given >= n)).any()
+    if not valid or not (repeated or len(np.unique(given)) == len(given)):
+        once = "" if repeated else ", each once"
+        raise ValueError(
+            f"{name} must be whole numbers from 0 to {n - 1}{once}, or a mask of {n} bools; got {tables!r}"
+        )
+    return given.astype(np.int64)
+
+
+def check_skill(skill: ArrayLike, num_tables: int) -> NDArray[np.float64] | float:
+    """A skill for all tables, or one for each."""
+    try:
+        skills = np.asarray(skill)
+    except ValueError:  # lists of different lengths
+        skills = np.array([None])
+    if skills.ndim == 0:
+        return check_number("opponent_skill", skill, 0.0, 1.0)
+    if skills.shape != (num_tables,) or skills.dtype.kind not in "fiu" or not ((skills >= 0) & (skills <= 1)).all():
+        raise ValueError(f"opponent_skill must be from 0 to 1, one number or one for each table, got {skill!r}")
+    return skills.astype(np.float64)
+
+
+def check_velocities(name: str, actions: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Target velocities as float32. Those that float32 cannot hold are clipped, as all beyond [-1, 1] will be."""
+    try:
+        given = np.asarray(actions)
+        if given.dtype != np.float32:
+            given = given.astype(np.float64, casting="same_kind", copy=False)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} must be an array of shape {shape}, got {actions!r}") from error
+    if given.shape != shape:
+        raise ValueError(f"{name} must be an array of shape {shape}, got shape {given.shape}")
+    if not np.isfinite(given).all():
+        raise ValueError(f"{name} must be finite, got {given[~np.isfinite(given)][0]}")
+    if given.dtype != np.float32:
+        given = given.clip(-1.0, 1.0).astype(np.float32)
+    return np.ascontiguousarray(given)
+
+
+def check_directions(name: str, actions: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Discrete actions as target velocities (N, 2)."""
+    try:
+        chosen = np.asarray(actions)
+    except ValueError as error:
+        raise ValueError(f"{name} must be whole numbers from 0 to 8, got {actions!r}") from error
+    if chosen.shape != shape or chosen.dtype.kind not in "iu" or ((chosen < 0) | (chosen > 8)).any():
+        raise ValueError(f"{name} must be whole numbers from 0 to 8, of shape {shape}; got {actions!r}")
+    return DIRECTIONS[chosen.reshape(-1)]

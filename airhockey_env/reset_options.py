@@ -1,0 +1,75 @@
+"""The options of a reset: how an episode begins."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from airhockey_env.checks import check_pair
+from airhockey_env.engine.tolerances import OVERLAP
+from airhockey_env.records import HOME
+from airhockey_env.tables import TableSpec
+from airhockey_env.tasks import right_start
+
+SERVERS = {"random": 0, "left": -1, "right": 1}
+
+
+class ResetOptions(NamedTuple):
+    """How an episode begins."""
+
+    serve: str = "random"  # one of SERVERS
+    puck_position: NDArray[np.float64] | None = None  # (2,) m, in place of the served one
+    puck_velocity: NDArray[np.float64] | None = None  # (2,) m/s
+
+
+def check_reset_options(
+    options: Mapping[str, Any] | None, spec: TableSpec, task: int, randomized: bool
+) -> ResetOptions:
+    """`options` of a reset, checked; see `AirHockeyEnv.reset`.
+
+    Args:
+        spec: the table that was asked for.
+        task: its number.
+        randomized: whether another may be drawn in its place.
+
+    Raises:
+        ValueError: one is unknown or out of range.
+    """
+    options = {} if options is None else options
+    if not isinstance(options, Mapping):
+        raise ValueError(f"options must be a mapping or None, got {options!r}")
+    for name in options:
+        if name not in ResetOptions._fields:
+            raise ValueError(f"options may hold {ResetOptions._fields}, got {name!r}")
+    serve = options.get("serve", "random")
+    if not isinstance(serve, str) or serve not in SERVERS:
+        raise ValueError(f"options['serve'] must be one of {sorted(SERVERS)}, got {serve!r}")
+    place, velocity = options.get("puck_position"), options.get("puck_velocity")
+    if place is not None:
+        place = check_pair("options['puck_position']", place)
+        limit = np.array([0.5 * spec.length, 0.5 * spec.width]) - spec.puck_radius
+        if (np.abs(place) > limit + OVERLAP).any():
+            raise ValueError(
+                f"options['puck_position'] must be at most {tuple(limit.tolist())} m from the centre, "
+                f"got {tuple(place.tolist())}"
+            )
+        if randomized:
+            raise ValueError("options['puck_position'] does not go with randomize: the table is not known yet")
+        reach = spec.paddle_radius + spec.puck_radius
+        for x, y in ((-0.5 * HOME * spec.length, 0.0), right_start(spec, task)):
+            if math.dist(place, (x, y)) < reach - OVERLAP:
+                raise ValueError(
+                    f"options['puck_position'] must be {reach} m from the paddle that starts at ({x}, {y}), "
+                    f"got {tuple(place.tolist())}"
+                )
+    if velocity is not None:
+        velocity = check_pair("options['puck_velocity']", velocity)
+        if math.hypot(*velocity) > spec.puck_speed:
+            raise ValueError(
+                f"options['puck_velocity'] must be at most {spec.puck_speed} m/s, got {tuple(velocity.tolist())}"
+            )
+    return ResetOptions(serve, place, velocity)
