@@ -13,6 +13,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import hashlib
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -55,6 +56,13 @@ def _locators() -> list[type]:
     return [_keyed_to_sources(getattr(caching, name, None) or getattr(caching, f"_{name}")) for name in names]
 
 
+@functools.cache  # once in a process
+def _say_that_it_takes_a_while() -> None:
+    """Tell who sits in front of a terminal why nothing happens."""
+    if sys.stderr is not None and sys.stderr.isatty():
+        print("airhockey_env: compiling, which takes up to half a minute, once; then it is cached", file=sys.stderr)
+
+
 class _CacheImpl(caching.CompileResultCacheImpl):
     _locator_classes: Any = _locators()
 
@@ -65,11 +73,14 @@ class _Cache(caching.FunctionCache):
     _impl_class = _CacheImpl
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
+        code = None
         try:
-            return super().load_overload(sig, target_context)
+            code = super().load_overload(sig, target_context)
         except Exception:  # whatever unpickling a bad file raises
             self.flush()
-            return None
+        if code is None:
+            _say_that_it_takes_a_while()
+        return code
 
     def save_overload(self, sig: Any, data: Any) -> None:
         with contextlib.suppress(OSError):  # a full disk, say

@@ -100,3 +100,27 @@ def test_numba_cache_dir_moves_the_cache(package):
     assert any(cache.rglob("*.nbi"))
     (package / "airhockey_env" / "callee.py").write_text(CALLEE.format(value=3.0))
     assert run(package, NUMBA_CACHE_DIR=str(cache)) == (31.0, 0, 1)
+
+
+def test_a_terminal_is_told_why_the_first_step_takes_so_long(package):
+    pty = pytest.importorskip("pty")
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("NUMBA_")}
+
+    def told():
+        ours, theirs = pty.openpty()
+        subprocess.run(
+            [sys.executable, "-c", RUN],
+            cwd=package,
+            env=environment | {"PYTHONPATH": str(package)},
+            stdout=subprocess.DEVNULL,
+            stderr=theirs,
+            check=True,
+        )
+        os.write(theirs, b"\n")  # so that there is something to read
+        os.close(theirs)
+        said = os.read(ours, 1000).decode()
+        os.close(ours)
+        return said.strip()
+
+    assert told() == "airhockey_env: compiling, which takes up to half a minute, once; then it is cached"
+    assert told() == ""
