@@ -54,6 +54,11 @@ class BenchmarkArgs:
     page: Path | None = None
     """Write the tables into this page, between the marks that it has for them (see docs/benchmark.md)."""
 
+    @property
+    def parts(self) -> list[str]:
+        """What to measure."""
+        return [self.only] if self.only else list(PARTS)
+
 
 def check(args: BenchmarkArgs) -> None:
     """Raises ValueError, OSError, DependencyNotInstalled for what could not be done in the end."""
@@ -61,8 +66,11 @@ def check(args: BenchmarkArgs) -> None:
         raise ValueError("--rounds must be 1 or more, and --seconds greater than 0")
     for name, path in (("json", args.json), ("plot", args.plot), ("page", args.page)):
         check_output(name, path)
-    if args.page is not None and not args.page.is_file():
-        raise FileNotFoundError(f"--page must be a page that exists, got {args.page}")
+    if args.page is not None:
+        if not args.page.is_file():
+            raise FileNotFoundError(f"--page must be a page that exists, got {args.page}")
+        for name in args.parts:
+            page.check(args.page.read_text(), name)
     if args.plot is not None:
         check_matplotlib("--plot needs")
 
@@ -96,7 +104,7 @@ def benchmark(args: BenchmarkArgs) -> dict[str, Any]:
         "seconds": effort.seconds,
     }
     console, notes = Console(), []
-    for name in track([args.only] if args.only else list(PARTS), description="measuring", transient=True):
+    for name in track(args.parts, description="measuring", transient=True):
         part = PARTS[name]
         rows, missing = part.measure(effort)
         notes += missing

@@ -430,3 +430,7 @@ class TestBenchmark:
     )
     def test_bad_arguments(self, arguments: tuple[str, str], call: Call) -> None:
         assert arguments[0] in call("benchmark", *arguments, fails=True)
+
+    def test_a_page_without_a_place_is_refused_before_anything_is_measured(self, tmp_path: Path, call: Call) -> None:
+        (tmp_path / "page.md").write_text("<!-- table batch -->\n<!-- end of table batch -->\n")
+        assert "place for the table of 'single'" in call("benchmark", "--page", "page.md", fails=True)

@@ -45,16 +45,16 @@ def batch(name: str, num_envs: int, threads: int = 1, camera: Any = None, **argu
     return _repeat(name, num_envs, envs.step, _random_actions(num_envs), threads)
 
 
-def _game(num_envs: int, **arguments: Any) -> Game:
-    game = Game(num_envs, autoreset=AUTORESET_NEXT_STEP, max_episode_steps=MAX_STEPS, num_threads=1, **arguments)
+def _game(num_envs: int, threads: int = 1, **arguments: Any) -> Game:
+    game = Game(num_envs, autoreset=AUTORESET_NEXT_STEP, max_episode_steps=MAX_STEPS, num_threads=threads, **arguments)
     game.seed(list(range(num_envs)))
     game.reset()
     return game
 
 
-def compiled(name: str, num_envs: int) -> Measure:
+def compiled(name: str, num_envs: int, threads: int = 1) -> Measure:
     """The compiled step of the batch alone."""
-    return _repeat(name, num_envs, _game(num_envs).step, _random_actions(num_envs))
+    return _repeat(name, num_envs, _game(num_envs, threads).step, _random_actions(num_envs), threads)
 
 
 def in_c(name: str, num_envs: int) -> Measure:

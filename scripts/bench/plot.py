@@ -13,6 +13,7 @@ from scripts.kiss.style import BLUE, GREEN, GREY, INK, RED, new_figure, save, ti
 LINES = {
     batch.IN_C: (INK, "s", "--"),
     batch.CODE: (GREEN, "^", "-"),
+    batch.TWO_CODE: (GREEN, "^", ":"),
     batch.OURS: (BLUE, "o", "-"),
     batch.TWO: (BLUE, "o", ":"),
     batch.NATIVE: (RED, "v", "-"),

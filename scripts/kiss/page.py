@@ -28,9 +28,19 @@ def insert(page: str, part: str, rows: Rows) -> str:
     Raises:
         ValueError: the page does not have exactly one place for it.
     """
-    start, end = f"<!-- table {part} -->\n", f"<!-- end of table {part} -->\n"
-    pattern = re.compile(re.escape(start) + ".*?" + re.escape(end), re.DOTALL)
-    changed, places = pattern.subn(lambda _: f"{start}\n{markdown(rows)}\n{end}", page)
-    if places != 1:
+    start, end, pattern = _place(part)
+    check(page, part)
+    return pattern.sub(lambda _: f"{start}\n{markdown(rows)}\n{end}", page)
+
+
+def check(page: str, part: str) -> None:
+    """Raises ValueError unless the page has exactly one place for the table of a part."""
+    start, end, pattern = _place(part)
+    if len(pattern.findall(page)) != 1:
         raise ValueError(f"the page must have one place for the table of {part!r}, between {start!r} and {end!r}")
-    return changed
+
+
+def _place(part: str) -> tuple[str, str, re.Pattern[str]]:
+    """The marks of a part's table, and what finds them with all that is between."""
+    start, end = f"<!-- table {part} -->\n", f"<!-- end of table {part} -->\n"
+    return start, end, re.compile(re.escape(start) + ".*?" + re.escape(end), re.DOTALL)
