@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import gymnasium as gym
+
 from airhockey_env.sensing import ROBOT
 from scripts.bench import games
 from scripts.bench.measure import Effort, Row, ratio, run
+from scripts.bench.single import CART, MADE
 
 TITLE = "Options"
 SIZE = 4096
@@ -27,15 +30,18 @@ def measure(effort: Effort) -> tuple[list[Row], list[str]]:
         games.batch("seen by the camera ROBOT", n, camera=ROBOT),
         games.both_sides("both players from outside (Game)", n),
         games.pictures("render() of one table, pictures/s"),
+        games.single(MADE, gym.make("AirHockey-v0")),
+        games.single(CART, gym.make("CartPole-v1")),
     ]
     return run(measures, effort), []
 
 
 def table(rows: list[Row]) -> list[tuple[str, ...]]:
     """A row each."""
-    cells: list[tuple[str, ...]] = [("what", "tables", "steps/s", "to the default")]
+    cells: list[tuple[str, ...]] = [("what", "tables", "steps/s", "to the default", f"to {CART}")]
+    cart = next(row["per_second"] for row in rows if row["what"] == CART)
     for row in rows:
-        share = ratio(rows, row, DEFAULT)
+        share, speed = ratio(rows, row, DEFAULT), row["per_second"]
         shown = "" if share is None else f"{share:.2f}"
-        cells.append((row["what"], f"{row['at']:,}", f"{row['per_second']:,.0f}", shown))
+        cells.append((row["what"], f"{row['at']:,}", f"{speed:,.0f}", shown, f"{speed / cart:.2g}"))
     return cells

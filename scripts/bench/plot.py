@@ -31,7 +31,7 @@ def draw(results: dict[str, list[Row]], path: Path) -> None:
         if rows:
             points = [row["at"] for row in rows], [row["per_second"] for row in rows]
             left.plot(*points, color=color, marker=marker, linestyle=line, label=name, markersize=5)
-    left.set(title="Steps a second, one core", xlabel="tables (or carts) in the batch", ylabel="steps/s")
+    left.set(title="Steps a second", xlabel="tables (or carts) in the batch", ylabel="steps/s")
     for name in dict.fromkeys(row["what"] for row in results.get("pucks", [])):
         engine, still = name.split(", ")
         rows = [row for row in results["pucks"] if row["what"] == name]
