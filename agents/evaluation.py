@@ -25,8 +25,8 @@ it returns is called after every step, with the mask (N,) of the tables that pla
 OPPONENTS = NAMES
 """Those that every report plays against, weakest first."""
 
-SOLO_TASKS = ("hit", "defend")
-"""Tasks without an opponent, in which an episode succeeds or fails."""
+SOLO_TASKS = tuple(name for name, task in TASKS.items() if task.opponent == "idle")
+"""Tasks without an opponent who plays, in which an episode succeeds or fails."""
 
 CONTROL_HZ, MAX_EPISODE_STEPS = 50, 1500
 """Of the registered environment."""

@@ -141,6 +141,13 @@ class _Watch(BaseCallback):
             self.due = self.num_timesteps + self.args.eval_every
             self.evaluate()
 
+    def finish(self, model: PPO) -> None:
+        """Evaluate at the end of training too, and save everything."""
+        _save(self.folder, model, self.history, self.league)
+        if model.num_timesteps > (self.history["evaluations"][-1]["steps"] if self.history["evaluations"] else 0):
+            self.init_callback(model)
+            self.evaluate()
+
     def evaluate(self) -> None:
         """Play against the training opponent at full skill, and save everything."""
         result = play_points(
@@ -225,7 +232,9 @@ def train(args: TrainArgs) -> RunFolder:
         _save(folder, model, history, league)
         write_json(folder.config, dataclasses.asdict(args))  # last: what has it can be resumed
     else:
+        _check_resumed(args)
         folder = RunFolder.open(args.resume)
+        asked = args.steps
         try:
             kept, history = read_json(folder.config), read_json(folder.evaluations)
             args = type(args)(**{**kept, "steps": args.steps or kept["steps"], "resume": args.resume})
@@ -234,27 +243,49 @@ def train(args: TrainArgs) -> RunFolder:
             raise ValueError(f"{folder.path} cannot be resumed, its files do not fit: {error}") from error
         args.check()
         model, league = load_ppo(folder.model, make_env(args)), args.league()
+        if asked is not None and model.num_timesteps >= asked + args.num_envs * args.n_steps:
+            raise ValueError(f"--steps must be more than the {model.num_timesteps:,} that the run has, got {asked:,}")
         if league is not None:
             league.load(folder.path)
     clock = Clock(history["updates"][-1]["seconds"] if history["updates"] else 0.0)
     model.set_logger(logger(folder, Records(history["updates"], clock)))
     watch = _Watch(folder, args, league, history, clock)
     steps = args.steps or args.default_steps
-    whom = " and ".join(args.opponents) + ("" if league is None else " and its past selves")
-    print(f"{folder.path}: {steps:,} steps against {whom}. Ctrl-C stops early and keeps everything.")
+    whom = "against " + " and ".join(args.opponents) + ("" if league is None else " and its past selves")
+    practising = history["practice"] is None and args.begins_with() is None and args.warmup_steps > 0
+    plan = whom
+    if practising:
+        most = f"{args.warmup_success:.0%} of it succeeds, or for {args.warmup_steps:,} steps"
+        plan = f"shooting practice until {most}; then {whom}"
+    print(f"{folder.path}: {steps:,} steps in all: {plan}. Ctrl-C stops early and keeps everything.")
     bar = ProgressBarCallback()
     with until_ctrl_c(bar, f"Stopped. Go on with: python -m scripts.{args.command} --resume {folder.path}"):
-        practising = history["practice"] is None and args.begins_with() is None and args.warmup_steps > 0
         if practising and model.num_timesteps < steps:
             practice = Practice(args.warmup_steps, args.warmup_success)
             _learn(model, steps, args.seed, make_env(args, "hit", ["idle"]), [practice, watch, bar])
-            history["practice"] = model.num_timesteps if practice.over else None
+            if practice.over:
+                history["practice"] = model.num_timesteps
+                print(f"Practice is over after {model.num_timesteps:,} steps; now {whom}.")
         if model.num_timesteps < steps:
             opponents, callbacks = (None, []) if league is None else (league.pool, [league])
             _learn(model, steps, args.seed, make_env(args, "point", opponents), [*callbacks, watch, bar])
-    _save(folder, model, history, league)
+    if practising and history["practice"] is None:
+        print(f"All of it was shooting practice: with more --steps the agent would have played {whom}.")
+    print("Playing for the report ...")
+    watch.finish(model)
     report(folder, args, history)
     return folder
+
+
+def _check_resumed(args: TrainArgs) -> None:
+    """Raises ValueError if a run is resumed with other arguments, which it would not heed."""
+    given = [
+        f"--{field.name.replace('_', '-')}"
+        for field in dataclasses.fields(args)
+        if field.name not in ("resume", "steps") and getattr(args, field.name) != field.default
+    ]
+    if given:
+        raise ValueError(f"--resume goes on with the run's own arguments and --steps alone, got {' '.join(given)}")
 
 
 def _save(folder: RunFolder, model: BaseAlgorithm, history: dict[str, Any], league: League | None) -> None:

@@ -77,7 +77,7 @@ def draw_training(history: dict[str, Any], opponent: str, path: Path) -> None:
         low, high = zip(*(row[f"{key}_95"] for row in evaluations), strict=True) if evaluations else ((), ())
         axis.fill_between(minutes, low, high, color=color, alpha=0.15, linewidth=0)
     draws = [row["draws"] / row["points"] for row in evaluations]
-    axis.plot(minutes, draws, color="#8a8f9c", label="draws by time", linestyle="--")
+    axis.plot(minutes, draws, color="#8a8f9c", label="draws by time", linestyle="--", marker=".")
     axis.axhline(0.5, color="#c9ccd4", linewidth=1, zorder=0)
     axis.set(title=f"Wins against {opponent}, 95 % interval", xlabel="minutes", ylim=(0, 1))
     axis.legend(frameon=False, loc="center right")
@@ -85,7 +85,7 @@ def draw_training(history: dict[str, Any], opponent: str, path: Path) -> None:
     millions = [row["steps"] / 1e6 for row in updates]
     seconds = [(row.get("episode_length") or nan) / 50 for row in updates]
     axes[0, 1].plot(millions, seconds, color="#2f6fdd")
-    axes[0, 1].set(title="Length of a point in training, s", xlabel="million steps")
+    axes[0, 1].set(title="Length of an episode in training, s", xlabel="million steps")
     axes[1, 0].plot(
         millions, [nan if row.get("entropy") is None else row["entropy"] for row in updates], color="#2f6fdd"
     )
@@ -93,6 +93,12 @@ def draw_training(history: dict[str, Any], opponent: str, path: Path) -> None:
     axes[1, 1].plot(millions, _speed(updates), color="#2f6fdd")
     axes[1, 1].set(title="Training speed, thousand steps/s", xlabel="million steps")
     axes[1, 1].set_ylim(bottom=0)
+    if history.get("practice"):
+        for axis in axes.flat[1:]:
+            axis.axvline(
+                history["practice"] / 1e6, color="#8a8f9c", linewidth=1, linestyle=":", label="end of practice"
+            )
+        axes[0, 1].legend(frameon=False)
     for axis in axes.flat:
         plain(axis)
     save_figure(figure, path)

@@ -8,12 +8,18 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from gymnasium.error import DependencyNotInstalled
+
 from agents.checks import check_ranges
 from scripts._command import run_command
 from scripts.torturing.cases import Case
-from scripts.torturing.chamber import Tally, save_cases, torture
 from scripts.torturing.hostile import play_hostile
-from scripts.torturing.trial import play_case
+
+try:
+    from scripts.torturing.chamber import Tally, save_cases, torture
+    from scripts.torturing.trial import play_case
+except DependencyNotInstalled as error:
+    raise SystemExit(f"torture: {error}") from error
 
 REGRESSIONS = Path(__file__).parents[1] / "tests" / "regressions"
 

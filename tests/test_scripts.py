@@ -90,6 +90,9 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
         folder=folder,
     )
     assert LAST_LINE in printed
+    told = " ".join(printed.split())
+    assert "steps in all: shooting practice until 80% of it succeeds, or for 4,000,000 steps; then against" in told
+    assert "All of it was shooting practice" in told
     return folder / "runs" / "tiny"
 
 
@@ -122,7 +125,7 @@ class TestTrainPpo:
         assert not list(trained.rglob("*part*"))
         history = json.loads((trained / "evaluations.json").read_text(), parse_constant=pytest.fail)
         assert history["practice"] is None, "it was not over yet"
-        assert [row["steps"] for row in history["evaluations"]] == [UPDATE]
+        assert [row["steps"] for row in history["evaluations"]] == [UPDATE, 2 * UPDATE], "and at the end"
         assert [row["steps"] for row in history["updates"]] == [UPDATE, 2 * UPDATE]
         assert [row["opponent"] for row in history["report"]] == list(OPPONENTS)
         assert all(row["points"] == 2 for row in history["report"])
@@ -146,6 +149,15 @@ class TestTrainPpo:
         seconds = [row["seconds"] for row in history["updates"]]
         assert seconds == sorted(seconds)
         assert MlpPolicy.load(copied / "policy.npz").weights[0].shape[0] == 8, "with the run's own arguments"
+
+    def test_what_is_not_resumed(self, trained: Path, tmp_path: Path, call: Call) -> None:
+        copied = copy_of(trained, tmp_path)
+        before = [(path, path.read_bytes()) for path in sorted(copied.iterdir()) if path.is_file()]
+        assert "a run must be a folder" in call("train_ppo", "--resume", "none", fails=True)
+        printed = call("train_ppo", "--resume", "tiny", "--steps", str(UPDATE), fails=True)
+        assert f"--steps must be more than the {2 * UPDATE} that the run has, got {UPDATE}" in printed
+        assert "got --seed" in call("train_ppo", "--resume", "tiny", "--seed", "3", fails=True)
+        assert before == [(path, path.read_bytes()) for path in sorted(copied.iterdir()) if path.is_file()]
 
     @pytest.mark.skipif(os.name == "nt", reason="sends SIGINT")
     def test_ctrl_c_loses_nothing(self, tmp_path: Path) -> None:
@@ -197,7 +209,7 @@ class TestTrainPpo:
             (("--seed", "-1"), "--seed must be from 0"),
             (("--threads", "0"), "--threads must be from 1"),
             (("--name", "../outside"), "--name must be a folder's name"),
-            (("--resume", "none"), "a run must be a folder"),
+            (("--resume", "none"), "--resume goes on with the run's own arguments and --steps alone, got --"),
         ],
     )
     def test_bad_arguments_write_nothing(

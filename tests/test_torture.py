@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from scripts.torturing import chamber, hostile
 from scripts.torturing.cases import Case
 from scripts.torturing.trial import play_case
 
+ROOT = Path(__file__).parents[1]
 REGRESSIONS = sorted(torture.REGRESSIONS.glob("*.json"))
 
 
@@ -168,3 +170,11 @@ def test_hostile_play_gives_a_case_of_one_step(monkeypatch: pytest.MonkeyPatch) 
     lively_walls(monkeypatch)
     case = hostile.play_hostile("full_size", 50.0, 3000, seed=0).case
     assert case is not None and [operation["do"] for operation in case.operations] == ["state", "step"]
+
+
+def test_the_command_names_what_it_needs() -> None:
+    code = "import sys; sys.modules['pettingzoo'] = None; import scripts.torture"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith("torture: ") and "airhockey-env[multiagent]" in done.stderr
+    assert "Traceback" not in done.stderr
