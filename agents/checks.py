@@ -6,6 +6,8 @@ import math
 from pathlib import Path
 from typing import Any
 
+from airhockey_env.tables import PRESETS, TableSpec
+
 
 def check_ranges(args: Any, **ranges: tuple[float, float]) -> None:
     """Check number fields (None passes) of an arguments record against their (least, greatest) values.
@@ -35,3 +37,26 @@ def check_output(name: str, path: Path | None, suffix: str = "") -> None:
         raise ValueError(f"--{name} must end in {suffix}, got {path.name!r}")
     if not path.parent.is_dir():
         raise FileNotFoundError(f"--{name} must name a file in a folder that exists, got {path}")
+
+
+def make_folder(name: str, path: Path) -> None:
+    """Make the folder that a command will write into, unless it is there, before the command works for that.
+
+    Raises:
+        OSError: it cannot be made: there is a file in its place, or the folder above it does not exist, say.
+    """
+    try:
+        path.mkdir(exist_ok=True)
+    except OSError as error:
+        raise OSError(f"--{name} must be a folder, or a new one in a folder that exists, got {path}") from error
+
+
+def check_table(table: str) -> TableSpec:
+    """The preset that `--table` names.
+
+    Raises:
+        ValueError: there is none of that name.
+    """
+    if table not in PRESETS:
+        raise ValueError(f"--table must be one of {sorted(PRESETS)}, got {table!r}")
+    return PRESETS[table]

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 import airhockey_env
-from agents.checks import check_output
+from agents.checks import check_output, make_folder
 from agents.files import write_json
 from scripts._command import run_command
 from scripts.kiss import engines, error, page, phases, picture, reversal
@@ -33,7 +33,7 @@ class KissStudyArgs:
     """Draw the figures of the kiss study and write its numbers and tables, into docs/ or another folder."""
 
     out: Path = ROOT / "docs"
-    """Folder to write into. Without a page of the study in it, it gets a copy of the one in docs/."""
+    """Folder to write into; a new one is made. Without a page of the study in it, it gets a copy of docs/'s."""
     quick: bool = False
     """Few points and short runs, to see that it works."""
     only: Literal["picture", "error", "phases", "reversal", "engines"] | None = None
@@ -52,8 +52,7 @@ def kiss_study(args: KissStudyArgs) -> None:
     from rich.progress import track
 
     check_matplotlib("the figures need")
-    if not args.out.is_dir():
-        raise FileNotFoundError(f"--out must be a folder that exists, got {args.out}")
+    make_folder("out", args.out)
     check_output("json", args.json)
     own_page = args.out / PAGE
     text = (own_page if own_page.exists() else ROOT / "docs" / PAGE).read_text()

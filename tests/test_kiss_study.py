@@ -66,6 +66,13 @@ def test_one_part_leaves_the_others_as_they_are(study: Path, tmp_path: Path) -> 
     assert sorted(path.name for path in tmp_path.iterdir()) == ["kiss_picture.png", "kiss_study.md"]
 
 
+def test_the_folder_is_made(tmp_path: Path) -> None:
+    kiss_study(KissStudyArgs(out=tmp_path / "new", only="picture"))
+    assert (tmp_path / "new" / "kiss_picture.png").exists()
+    with pytest.raises(OSError, match=r"--out must be a folder, or a new one in a folder that exists, got .*\.png$"):
+        kiss_study(KissStudyArgs(out=tmp_path / "new" / "kiss_picture.png"))
+
+
 def test_the_picture_is_that_of_the_triangles(numbers: dict[str, Any]) -> None:
     data = numbers["picture"]
     assert data["hypotenuse"] == pytest.approx(REACH, abs=1e-15)
@@ -185,7 +192,7 @@ def test_a_page_without_a_place_for_a_table_is_refused() -> None:
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
-    [(("--out", "nowhere"), "--out must be a folder"), (("--json", "nowhere/x.json"), "--json must name a file")],
+    [(("--out", "nowhere/deep"), "--out must be a folder"), (("--json", "nowhere/x.json"), "--json must name a file")],
 )
 def test_bad_arguments(
     arguments: tuple[str, str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
