@@ -43,5 +43,10 @@ def table(rows: list[Row]) -> list[tuple[str, ...]]:
     for row in rows:
         share, speed = ratio(rows, row, DEFAULT), row["per_second"]
         shown = "" if share is None else f"{share:.2f}"
-        cells.append((row["what"], f"{row['at']:,}", f"{speed:,.0f}", shown, f"{speed / cart:.2g}"))
+        cells.append((row["what"], f"{row['at']:,}", f"{speed:,.0f}", shown, _times(speed / cart)))
     return cells
+
+
+def _times(factor: float) -> str:
+    """Two significant figures below 100; whole numbers from there on."""
+    return f"{factor:.0f}" if factor >= 99.5 else f"{factor:.2g}"
