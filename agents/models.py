@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -46,11 +47,12 @@ def export_policy(model: Any) -> MlpPolicy:
     return MlpPolicy(weights, biases, activation, squash=actor is not None)
 
 
-def load_player(model: str) -> MlpPolicy | str:
+def load_player(model: str, option: str = "MODEL") -> MlpPolicy | str:
     """What a MODEL argument means.
 
     Args:
         model: an opponent's name, a run's folder, a `policy.npz` or a `model.zip`.
+        option: what the error about one that is none of these calls the argument.
 
     Raises:
         FileNotFoundError: there is no such file or name.
@@ -63,7 +65,7 @@ def load_player(model: str) -> MlpPolicy | str:
         path = path / "policy.npz"
     if not path.exists():
         raise FileNotFoundError(
-            f"MODEL must be one of {sorted(NAMES)}, a run's folder, a policy.npz or a model.zip; "
+            f"{option} must be one of {sorted(NAMES)}, a run's folder, a policy.npz or a model.zip; "
             f"{model!r} is none of these"
         )
     if path.suffix != ".zip":
@@ -91,6 +93,8 @@ def load_ppo(path: Path, env: Any = None) -> Any:
 
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
+    if not zipfile.is_zipfile(path):
+        raise ValueError(f"{path} does not hold a PPO model of this environment: it is not a zip file, or was cut off")
     try:
         return PPO.load(path, env=env, device="cpu")
     except Exception as error:  # whatever a damaged file makes of zip, pickle and torch

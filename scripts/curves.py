@@ -17,7 +17,7 @@ from scripts._command import run_command
 class CurvesArgs:
     """Print and draw the learning curves of training runs."""
 
-    runs: Annotated[tuple[str, ...], tyro.conf.Positional]
+    runs: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN [RUN ...]")]
     """Runs' folders, or their names under runs/."""
     plot: Path | None = None
     """Draw them into this .png file."""
@@ -30,7 +30,7 @@ def curves(args: CurvesArgs) -> None:
         ValueError, OSError: an argument does not fit.
     """
     if not args.runs:
-        raise ValueError("RUNS must name one run or more, got none")
+        raise ValueError("RUN must name one run or more, got none")
     check_output("plot", args.plot, ".png")
     runs = read_runs(args.runs)
     print_curves(runs)

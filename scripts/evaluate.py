@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from agents.checks import check_output, check_ranges
+from agents.checks import check_output, check_ranges, check_table
 from agents.evaluation import OPPONENTS, SOLO_TASKS, play_points, play_task
 from agents.files import write_json
 from agents.models import load_player, short_name
@@ -20,7 +20,7 @@ from scripts._command import run_command
 class EvaluateArgs:
     """Let a model play points against others, half of them on each side of the table; or a task."""
 
-    model: Annotated[str, tyro.conf.Positional]
+    model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL")]
     """A run's folder, a policy.npz, a model.zip, or an opponent's name."""
     task: str = "point"
     """"point"; or "hit" or "defend", which have no opponent."""
@@ -46,6 +46,7 @@ def evaluate(args: EvaluateArgs) -> None:
     """
     check_ranges(args, episodes=(1, 10**8), opponent_skill=(0, 1), seed=(0, 10**9))
     check_output("json", args.json)
+    check_table(args.table)
     if args.task not in ("point", *SOLO_TASKS):
         raise ValueError(f"--task must be one of {('point', *SOLO_TASKS)}, got {args.task!r}")
     if args.task != "point" and (args.opponent != "all" or args.opponent_skill != 1.0):
@@ -61,7 +62,7 @@ def evaluate(args: EvaluateArgs) -> None:
     results = [
         play_points(
             player,
-            load_player(name),
+            load_player(name, "--opponent"),
             args.episodes,
             name=short_name(name),
             seed=args.seed,

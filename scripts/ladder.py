@@ -8,11 +8,10 @@ from typing import Annotated
 
 import tyro
 
-from agents.checks import check_output, check_ranges
+from agents.checks import check_output, check_ranges, check_table
 from agents.files import write_json
 from agents.ladder import ANCHOR, ANCHOR_RATING, PRIOR, find_players, play_ladder, rate
 from agents.ladder_report import draw_ladder, print_ladder
-from airhockey_env.tables import resolve_table
 from scripts._command import run_command
 
 
@@ -23,7 +22,7 @@ class LadderArgs:
     The results become ratings with 95 % intervals. Ctrl-C rates what has been played.
     """
 
-    players: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
+    players: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="[MODEL ...]")] = ()
     """Runs' folders, policy.npz or model.zip that play too; with --only, opponents' names as well."""
     only: bool = False
     """Leave out the named opponents that are not given."""
@@ -50,7 +49,7 @@ def ladder(args: LadderArgs) -> None:
     check_ranges(args, points=(1, 10**8), seed=(0, 10**9))
     check_output("json", args.json)
     check_output("plot", args.plot, ".png")
-    resolve_table(args.table)
+    check_table(args.table)
     players = find_players(args.players, args.only)
     names = list(players)
     matches, total, stopped = [], len(names) * (len(names) - 1) // 2, False

@@ -9,13 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from agents.checks import check_ranges
+from agents.checks import check_ranges, check_table
 from agents.live_match import START_PAUSE, LiveMatch
 from agents.models import load_player, short_name
 from agents.sounds import Sounds
 from airhockey_env import raster
 from airhockey_env.render import LEFT, LEFT_LIGHT, RIGHT_LIGHT, ROOM, SMALLEST, WHITE, Color, Renderer
-from airhockey_env.tables import resolve_table
 from airhockey_env.window import Window, import_pygame
 from scripts._command import run_command
 
@@ -242,8 +241,8 @@ def play(args: PlayArgs) -> None:
     if not all(SMALLEST <= side <= 8192 for side in args.size):
         raise ValueError(f"--size must be two whole numbers from {SMALLEST} to 8192, got {args.size}")
     pygame = import_pygame()
-    opponent = load_player(args.opponent)
-    spec = resolve_table(args.table)
+    opponent = load_player(args.opponent, "--opponent")
+    spec = check_table(args.table)
     print("Getting ready; the first time takes a while.", flush=True)
     match = LiveMatch(opponent, skill=args.skill, table=spec, points=args.points)
     try:

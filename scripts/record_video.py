@@ -15,7 +15,7 @@ import tyro
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from agents.checks import check_ranges
+from agents.checks import check_ranges, check_table
 from agents.models import load_player
 from agents.video import SUFFIXES, frames_of_play, write_video
 from airhockey_env.replay import Replay, is_replay, play_back_frames
@@ -26,7 +26,7 @@ from scripts._command import run_command
 class RecordArgs:
     """Record a video of two players, or of a replay."""
 
-    model: Annotated[str, tyro.conf.Positional]
+    model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL")]
     """The left player: a run's folder, a policy.npz, a model.zip, or a scripted opponent's name. Or a replay's
     file, which has both players, the table and the seed in it."""
     opponent: str = "striker"
@@ -58,6 +58,7 @@ def record(args: RecordArgs) -> None:
     if not args.out.parent.is_dir():
         raise FileNotFoundError(f"--out must lie in a folder that exists, got {args.out}")
     check_ranges(args, fps=(1, 50), seconds=(0.1, 3600), width=(32, 4096), height=(32, 4096), seed=(0, 10**9))
+    check_table(args.table)
     size = (args.width, args.height)
     fps = args.fps
     frames: Iterator[NDArray[np.uint8]]
@@ -75,7 +76,7 @@ def record(args: RecordArgs) -> None:
         number = round(seconds * fps)
         frames = frames_of_play(
             load_player(args.model),
-            load_player(args.opponent),
+            load_player(args.opponent, "--opponent"),
             seconds,
             seed=args.seed,
             fps=fps,

@@ -8,12 +8,11 @@ from typing import Annotated
 
 import tyro
 
-from agents.checks import check_output, check_ranges
+from agents.checks import check_output, check_ranges, check_table
 from agents.files import write_json
 from agents.models import load_player, short_name
 from agents.scorecard import measure
 from agents.scorecard_report import draw_card, print_card
-from airhockey_env.tables import resolve_table
 from scripts._command import run_command
 
 
@@ -24,7 +23,7 @@ class ScorecardArgs:
     It plays points against an opponent, half of them on each side of the table, and the tasks hit and defend.
     """
 
-    model: Annotated[str, tyro.conf.Positional]
+    model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL")]
     """A run's folder, a policy.npz, a model.zip, or an opponent's name."""
     opponent: str = "striker"
     """Likewise."""
@@ -51,10 +50,10 @@ def scorecard(args: ScorecardArgs) -> None:
     check_ranges(args, points=(1, 10**6), episodes=(1, 10**6), seed=(0, 10**9))
     check_output("json", args.json)
     check_output("plot", args.plot, ".png")
-    spec = resolve_table(args.table)
+    spec = check_table(args.table)
     card = measure(
         load_player(args.model),
-        load_player(args.opponent),
+        load_player(args.opponent, "--opponent"),
         player_name=short_name(args.model),
         opponent_name=short_name(args.opponent),
         points=args.points,

@@ -189,7 +189,7 @@ def test_ctrl_c_rates_what_was_played(tmp_path: Path, call: Call, monkeypatch: p
         (("--only", "goalie", "goalie"), "a ladder needs two or more different players, got ['goalie']"),
         (("--points", "0"), "--points must be from 1"),
         (("--seed", "-1"), "--seed must be from 0"),
-        (("--table", "billiards"), "table must be one of"),
+        (("--table", "billiards"), "--table must be one of"),
         (("--plot", "ladder.pdf"), "--plot must end in .png, got 'ladder.pdf'"),
         (("--plot", "none/ladder.png"), "--plot must name a file in a folder that exists"),
         (("--json", "none/ladder.json"), "--json must name a file in a folder that exists"),

@@ -538,7 +538,7 @@ def test_the_command(
         (("--points", "0"), "--points must be from 1 to 99, got 0"),
         (("--fps", "1"), "--fps must be from 20 to 480, got 1"),
         (("--size", "10", "500"), "--size must be two whole numbers from 32"),
-        (("--table", "pool"), "table must be one of"),
+        (("--table", "pool"), "--table must be one of"),
     ],
 )
 def test_bad_input(arguments: tuple[str, ...], message: str, pygame, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,6 +19,7 @@ import pytest
 from agents.evaluation import OPPONENTS
 from agents.models import load_ppo
 from airhockey_env.policy import MlpPolicy
+from scripts.bench import options
 from scripts.bench.measure import Effort
 
 ROOT = Path(__file__).parents[1]
@@ -294,7 +295,7 @@ class TestCurves:
 
     def test_what_is_no_run(self, call: Call) -> None:
         assert "a run must be a folder" in call("curves", "none", fails=True)
-        assert "RUNS must name one run or more" in call("curves", fails=True)
+        assert "RUN must name one run or more" in call("curves", fails=True)
 
 
 class TestEvaluate:
@@ -330,12 +331,13 @@ class TestEvaluate:
     @pytest.mark.parametrize(
         ("arguments", "message"),
         [
+            ((), "MODEL"),
             ((), "python -m scripts.evaluate --help"),
             (("idle", "--task", "juggle"), "--task must be one of"),
             (("idle", "--task", "hit", "--opponent", "goalie"), "do not go with --task hit"),
             (("nobody",), "MODEL must be one of"),
-            (("idle", "--opponent", "nobody"), "is none of these"),
-            (("idle", "--table", "billiards"), "table must be one of"),
+            (("idle", "--opponent", "nobody"), "--opponent must be one of"),
+            (("idle", "--table", "billiards"), "--table must be one of"),
             (("idle", "--episodes", "0"), "--episodes must be from 1"),
             (("idle", "--opponent-skill", "1.1"), "--opponent-skill must be from 0 to 1, got 1.1"),
             (("idle", "--opponent-skill", "nan"), "--opponent-skill must be from 0 to 1, got nan"),
@@ -392,14 +394,14 @@ class TestRecordVideo:
         ("arguments", "message"),
         [
             (("nobody",), "MODEL must be one of"),
-            (("idle", "--opponent", "nobody"), "'nobody' is none of these"),
+            (("idle", "--opponent", "nobody"), "--opponent must be one of"),
             (("idle", "--out", "video.avi"), "--out must end in one of"),
             (("idle", "--out", "none/video.gif"), "--out must lie in a folder that exists"),
             (("idle", "--seconds", "-1"), "--seconds must be from 0.1"),
             (("idle", "--seconds", "nan"), "--seconds must be from 0.1"),
             (("idle", "--fps", "0"), "--fps must be from 1 to 50"),
             (("idle", "--width", "5"), "--width must be from 32"),
-            (("idle", "--table", "billiards"), "table must be one of"),
+            (("idle", "--table", "billiards"), "--table must be one of"),
         ],
     )
     def test_bad_arguments_write_nothing(
@@ -436,6 +438,12 @@ class TestBenchmark:
         assert rows
         head, *cells = module.table(rows)
         assert cells and all(len(line) == len(head) for line in cells)
+
+    def test_ratios_are_written_for_reading(self) -> None:
+        """Regression: those from 100 on were 1.2e+02."""
+        speeds = {options.DEFAULT: 122.4, "a": 99.6, "b": 99.4, "c": 26.2, "d": 3.14, "e": 0.0421, options.CART: 1.0}
+        rows = [{"what": what, "at": 1, "per_second": speed, "best": speed} for what, speed in speeds.items()]
+        assert [line[-1] for line in options.table(rows)[1:]] == ["122", "100", "99", "26", "3.1", "0.042", "1"]
 
     @pytest.mark.parametrize(
         "arguments", [("--rounds", "0"), ("--seconds", "nan"), ("--json", "no/x.json"), ("--page", "none.md")]
