@@ -33,9 +33,14 @@ def _array(name: str, value: ArrayLike, shape: tuple[int, ...], what: str) -> ND
     return array
 
 
+def _shown(value: object) -> str:
+    """As Python writes it: from version 2 on NumPy says of its own numbers that they are."""
+    return repr(value.item() if isinstance(value, np.generic) else value)
+
+
 def _share(name: str, value: float) -> float:
     if isinstance(value, bool) or not isinstance(value, Real) or not 0.0 <= value <= 1.0:
-        raise ValueError(f"{name} must be a number from 0 to 1, got {value!r}")
+        raise ValueError(f"{name} must be a number from 0 to 1, got {_shown(value)}")
     return float(value)
 
 
@@ -142,8 +147,11 @@ class AirTable:
         if not (self._masses > 0.0).all():
             raise ValueError(f"masses must be greater than 0 (inf is allowed), got {self._masses.min()}")
         post = (self._radii == 0.0) & np.isinf(self._masses)
-        if not (((self._radii > 0.0) & np.isfinite(self._radii)) | post).all():
-            raise ValueError(f"radii must be finite and greater than 0 (0 for a disc of infinite mass), got {radii!r}")
+        good = ((self._radii > 0.0) & np.isfinite(self._radii)) | post
+        if not good.all():
+            raise ValueError(
+                f"radii must be finite and greater than 0 (0 for a disc of infinite mass), got {self._radii[~good][0]}"
+            )
         self._surface = records(1, SURFACE)
         self._surface["disc_restitution"] = _share("restitution", restitution)
         self._surface["wall_restitution"] = _share("wall_restitution", wall_restitution)
@@ -209,6 +217,9 @@ class AirTable:
     def step(self, dt: float) -> NDArray[np.void]:
         """Play `dt` seconds.
 
+        Every contact of the step is collected, so memory grows with `dt`: on a table whose pucks lose nothing, play a
+        long time in many steps.
+
         Args:
             dt: s, greater than 0.
 
@@ -222,7 +233,7 @@ class AirTable:
                 infinity. Nothing has moved then.
         """
         if isinstance(dt, bool) or not isinstance(dt, Real) or not (0.0 < dt < math.inf):
-            raise ValueError(f"dt must be a finite number of seconds greater than 0, got {dt!r}")
+            raise ValueError(f"dt must be a finite number of seconds greater than 0, got {_shown(dt)}")
         dt = float(dt)
         contacts = self._step_continuous(dt) if self.method == "continuous" else self._step_discrete(dt)
         self.time += dt
@@ -273,7 +284,7 @@ class AirTable:
             return None
         length, width = _array("size", size, (2,), "(length, width) in m, or None")
         if not (0.0 < length < math.inf and 0.0 < width < math.inf):
-            raise ValueError(f"size must be two finite lengths greater than 0, or None; got {size!r}")
+            raise ValueError(f"size must be two finite lengths greater than 0, or None; got ({length}, {width})")
         return float(length), float(width)
 
     def _check_places(self) -> None:
@@ -283,8 +294,8 @@ class AirTable:
         if (beyond[movable] > OVERLAP).any():
             a = int(np.flatnonzero(movable)[np.argmax(beyond[movable].max(axis=1))])
             raise ValueError(
-                f"positions must lie on the table: disc {a} at {tuple(self._positions[a])} reaches over a wall "
-                f"by {beyond[a].max():.3g} m"
+                f"positions must lie on the table: disc {a} at {tuple(self._positions[a].tolist())} reaches over a "
+                f"wall by {beyond[a].max():.3g} m"
             )
         order = np.argsort(self._positions[:, 0] - self._radii)
         for k, a in enumerate(order):

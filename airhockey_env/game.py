@@ -384,10 +384,13 @@ class Game:
         """
         chosen = self.check_rows(indices, "indices")
         dtype = RANDOMIZED_TABLE if self.randomized else TABLE
-        if not isinstance(state, np.ndarray) or state.dtype != dtype or state.shape != chosen.shape:
+        wrong = [type(state).__name__]
+        if isinstance(state, np.ndarray):
+            wrong = [f"shape {state.shape}"] if state.shape != chosen.shape else []
+            wrong += ["another kind of record"] if state.dtype != dtype else []
+        if wrong:
             raise ValueError(
-                f"state must be what get_state returned for {len(chosen)} tables, got "
-                f"{getattr(state, 'dtype', type(state))!r} of shape {getattr(state, 'shape', None)}"
+                f"state must be what get_state returned, of shape {chosen.shape}; got {' and '.join(wrong)}"
             )
         table = state["table"] if self.randomized else state
         self._check_playable(table, state["physics"] if self.randomized else self.physics)

@@ -54,7 +54,7 @@ def check_reset_options(
         limit = np.array([0.5 * spec.length, 0.5 * spec.width]) - spec.puck_radius
         if (np.abs(place) > limit + OVERLAP).any():
             raise ValueError(
-                f"options['puck_position'] must be at most {tuple(limit.tolist())} m from the centre, "
+                f"options['puck_position'] must be at most ({limit[0]:.4g}, {limit[1]:.4g}) m from the centre, "
                 f"got {tuple(place.tolist())}"
             )
         if randomized:
@@ -63,13 +63,13 @@ def check_reset_options(
         for x, y in ((-0.5 * HOME * spec.length, 0.0), right_start(spec, task)):
             if math.dist(place, (x, y)) < reach - OVERLAP:
                 raise ValueError(
-                    f"options['puck_position'] must be {reach} m from the paddle that starts at ({x}, {y}), "
-                    f"got {tuple(place.tolist())}"
+                    f"options['puck_position'] must be at least {reach:.4g} m from the paddle that starts at "
+                    f"({x:.4g}, {y:.4g}), got {tuple(place.tolist())}"
                 )
     if velocity is not None:
         velocity = check_pair("options['puck_velocity']", velocity)
         if math.hypot(*velocity) > spec.puck_speed:
             raise ValueError(
-                f"options['puck_velocity'] must be at most {spec.puck_speed} m/s, got {tuple(velocity.tolist())}"
+                f"options['puck_velocity'] must be at most {spec.puck_speed:.4g} m/s, got {tuple(velocity.tolist())}"
             )
     return ResetOptions(serve, place, velocity)

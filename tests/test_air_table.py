@@ -72,6 +72,9 @@ def snapshot(table):
         ("size", (2.0, 1.0, 1.0), "size must be"),
         ("size", "big", "size must be"),
         ("size", (0.05, 1.0), "positions must lie on the table"),
+        ("size", (np.float64(2.0), 0.0), r"got \(2.0, 0.0\)$"),
+        ("restitution", np.float64(2.0), "got 2.0$"),
+        ("radii", np.array([0.05, -0.05]), "got -0.05$"),
         ("method", "exact", "method must be one of .*'continuous'.* got 'exact'"),
         ("method", None, "method must be one of"),
     ],
@@ -123,7 +126,7 @@ def test_a_live_array_gone_bad_is_caught_by_the_next_step(method, name, value):
     ("name", "value", "message"),
     [
         ("positions", [[0.0, 0.0], [0.05, 0.0]], "positions must not overlap"),
-        ("positions", [[0.0, 0.0], [0.0, 9.0]], "positions must lie on the table: disc 1"),
+        ("positions", [[0.0, 0.0], [0.0, 9.0]], r"positions must lie on the table: disc 1 at \(0.0, 9.0\) reaches"),
         ("positions", [[0.0, 0.0]], "positions must be"),
         ("positions", [[0.0, NAN], [0.5, 0.0]], "positions must be"),
         ("velocities", [[0.0, 0.0]], "velocities must be"),

@@ -186,9 +186,14 @@ OPTIONS = [
         r"options\['puck_position'\] must be at most .* m from the centre, got \(1.15, 0.0\)",
     ),
     ({"puck_position": [0.0, -0.54]}, r"options\['puck_position'\] must be at most .* m from the centre"),
-    ({"puck_position": [-0.93, 0.05]}, r"options\['puck_position'\] must be 0.0918 m from the paddle that starts at"),
-    ({"puck_position": [0.93, 0.05]}, r"options\['puck_position'\] must be 0.0918 m from the paddle that starts at"),
-    ({"puck_velocity": [9.0, 9.0]}, r"options\['puck_velocity'\] must be at most 12.0 m/s, got \(9.0, 9.0\)"),
+    *(
+        (
+            {"puck_position": [x, 0.05]},
+            rf"options\['puck_position'\] must be at least 0.0918 m from the paddle that starts at \({start}, 0\), got",
+        )
+        for x, start in ((-0.93, -0.9448), (0.93, 0.9448))
+    ),
+    ({"puck_velocity": [9.0, 9.0]}, r"options\['puck_velocity'\] must be at most 12 m/s, got \(9.0, 9.0\)"),
 ]
 
 
@@ -289,20 +294,22 @@ def test_states():
     good = envs.get_state()
     for one in (env, envs):
         before = snapshot(one)
-        for bad in (
-            None,
-            {},
-            good[0],
-            good.tobytes(),
-            np.zeros(2),
-            good[:0],
-            np.concatenate([good, good]),
-            good["stream"],
+        shape = (1 if one is env else 2,)
+        for bad, got in (
+            (None, "NoneType"),
+            ({}, "dict"),
+            (good[0], "void"),
+            (good.tobytes(), "bytes"),
+            (np.zeros(shape), "another kind of record"),
+            (good[:0], "shape (0,)"),
+            (np.concatenate([good, good]), "shape (4,)"),
+            (np.zeros((2, 1)), "shape (2, 1) and another kind of record"),
         ):
-            with pytest.raises(ValueError, match=r"^state must be what get_state returned for . tables, got "):
+            message = f"state must be what get_state returned, of shape {shape}; got {got}"
+            with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
                 one.set_state(bad)
         assert snapshot(one) == before
-    with pytest.raises(ValueError, match=r"^state must be what get_state returned for 1 tables, got "):
+    with pytest.raises(ValueError, match=r"of shape \(1,\); got shape \(2,\)$"):
         envs.set_state(good, [0])
 
 
