@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airhockey_env.compiled import compiled, inlined
-from airhockey_env.files import replace
+from airhockey_env.files import read_arrays, replace
 from airhockey_env.records import OBSERVATION_SIZE
 from airhockey_env.spaces import DIRECTIONS
 
@@ -163,12 +163,12 @@ class MlpPolicy:
             ValueError: the file does not hold a policy.
         """
         try:
-            with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-                layers = range(sum(name.startswith("weight_") for name in file.files))
-                weights = [file[f"weight_{k}"] for k in layers]
-                biases = [file[f"bias_{k}"] for k in layers]
-                squash = bool(file["squash"]) if "squash" in file.files else False  # files of before it was there
-                return cls(weights, biases, str(file["activation"]), squash)
+            arrays = read_arrays(path, "MlpPolicy.save", ("activation", "weight_0", "bias_0"))
+            layers = range(sum(name.startswith("weight_") for name in arrays))
+            weights = [arrays[f"weight_{k}"] for k in layers]
+            biases = [arrays[f"bias_{k}"] for k in layers]
+            squash = bool(arrays.get("squash", False))  # files of before it was there
+            return cls(weights, biases, str(arrays["activation"]), squash)
         except FileNotFoundError:
             raise
         except Exception as error:  # whatever a damaged file makes of it

@@ -199,7 +199,7 @@ class TestMlpPolicy:
     def test_other_files(self, tmp_path: Path) -> None:
         path = tmp_path / "other.npz"
         for write in (
-            lambda: path.write_text("not a policy"),
+            lambda: path.write_bytes(b"PK\x05\x06" + bytes(18)),
             lambda: np.savez(path, weight_0=np.zeros((2, 13))),
             lambda: np.savez(path, weight_0=np.zeros((2, 12)), bias_0=np.zeros(2), activation="tanh"),
             lambda: np.savez(path, weight_0=np.zeros((2, 13)), bias_0=np.zeros(2), activation="sine"),
@@ -207,6 +207,10 @@ class TestMlpPolicy:
         ):
             write()
             with pytest.raises(ValueError, match="does not hold a policy"):
+                MlpPolicy.load(path)
+        for write in (lambda: path.write_text("not a policy"), lambda: np.save(path, np.zeros((2, 13)))):
+            write()
+            with pytest.raises(ValueError, match=r"a policy: it is not an \.npz file as MlpPolicy\.save writes it$"):
                 MlpPolicy.load(path)
         with pytest.raises(FileNotFoundError):
             MlpPolicy.load(tmp_path / "none.npz")

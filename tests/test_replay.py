@@ -280,10 +280,20 @@ def test_damaged_files(recorded, tmp_path):
     middle[len(whole) // 3] ^= 0xFF
     for content in (*spoiled, bytes(middle)):
         path.write_bytes(content)
-        with pytest.raises(ValueError, match=r"bad.npz does not hold a replay: "):
+        with pytest.raises(ValueError, match=r"bad.npz does not hold a replay: it is .* as RecordReplay writes it$"):
             Replay.load(path)
     with pytest.raises(FileNotFoundError):
         Replay.load(tmp_path / "none.npz")
+
+
+def test_a_replay_and_a_policy_are_told_apart(recorded, tmp_path):
+    """Regression: the errors were NumPy's: "'activation is not a file in the archive'"."""
+    with pytest.raises(ValueError, match=r"not hold a policy: it is a file of something else: .* there is 'replay'"):
+        MlpPolicy.load(recorded)
+    path = tmp_path / "policy.npz"
+    MlpPolicy([np.zeros((2, 13))], [np.zeros(2)]).save(path)
+    with pytest.raises(ValueError, match=r"not hold a replay: it is a file of something else: .* is 'activation'"):
+        Replay.load(path)
 
 
 def test_files_that_do_not_fit_together(recorded, tmp_path):

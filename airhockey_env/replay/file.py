@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from airhockey_env.files import replace
+from airhockey_env.files import read_arrays, replace
 from airhockey_env.spaces import DIRECTIONS
 
 FORMAT = 1
@@ -70,16 +70,16 @@ class Replay:
             ValueError: the file does not hold a replay; the message names it.
         """
         try:
-            with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-                notes = json.loads(str(file["replay"]))
-                if notes["format"] != FORMAT:
-                    raise ValueError(f"it is of format {notes['format']!r}, and this version reads format {FORMAT}")
-                given = {**{name: notes[name] for name in _NOTES}, **{name: file[name] for name in _ARRAYS}}
+            arrays = read_arrays(path, "RecordReplay", ("replay", *_ARRAYS))
+            notes = json.loads(str(arrays["replay"]))
+            if notes["format"] != FORMAT:
+                raise ValueError(f"it is of format {notes['format']!r}, and this version reads format {FORMAT}")
+            given = {**{name: notes[name] for name in _NOTES}, **{name: arrays[name] for name in _ARRAYS}}
             replay = cls(**{**given, "seeds": tuple(given["seeds"])}, name=str(path))
             replay._check()
-        except OSError as error:
-            if isinstance(error, FileNotFoundError):
-                raise
+        except FileNotFoundError:
+            raise
+        except (OSError, ValueError) as error:
             raise ValueError(f"{path} does not hold a replay: {error}") from error
         except Exception as error:  # whatever a damaged file makes of it
             raise ValueError(f"{path} does not hold a replay: {type(error).__name__}: {error}") from error
