@@ -201,39 +201,45 @@ def _draw_reaction(axis: Any, card: Card) -> None:
 
 
 def _draw_play(axis: Any, card: Card) -> None:
+    from matplotlib.legend import Legend
+
     result = card.result
+    grey = "#c9ccd4"
     rows = (
-        ("points", ((result.wins, "won", BLUE), (result.draws, "drawn", "#c9ccd4"), (result.losses, "lost", RED))),
+        ("Points", ((result.wins, "won", BLUE), (result.draws, "drawn", grey), (result.losses, "lost", RED))),
         (
-            "time",
+            "Time: puck on the far half, or in possession",
             (
                 (card.zone, "far half", BLUE),
-                (card.possession, "possession", "#8fb3f0"),
-                (1.0 - card.attacking, "neither", "#c9ccd4"),
+                (card.possession, "in possession", "#8fb3f0"),
+                (1.0 - card.attacking, "neither", grey),
             ),
         ),
     )
-    for place, (_, parts) in enumerate(rows):
+    for place, (what, parts) in zip((0.0, 1.25), rows, strict=True):
         total, begin = sum(part for part, _, _ in parts), 0.0
+        bars, labels = [], []
+        axis.text(0, place - 0.25, what, va="bottom")
         for part, name, color in parts:
             share = 100 * part / total
-            axis.barh(place, share, left=begin, color=color, height=0.5)
-            if share >= 11:
-                text = "white" if color in (BLUE, RED) else "#22252c"
-                axis.text(
-                    begin + share / 2, place, f"{name}\n{share:.0f}", ha="center", va="center", color=text, fontsize=9
-                )
+            bars.append(axis.barh(place, share, left=begin, color=color, height=0.3))
+            labels.append(f"{name} {share:.0f}")
             begin += share
-    axis.set_yticks(range(len(rows)), [name for name, _ in rows])
-    axis.set(title=f"Play against {result.opponent}, %", xlim=(0, 100), ylim=(3.3, -0.5))
+        # Below the bar, not in it: a part may be narrower than its name.
+        names = Legend(
+            axis, bars, labels, loc="upper left", bbox_to_anchor=(0, place + 0.25), bbox_transform=axis.transData,
+            ncols=3, fontsize=9, frameon=False, handlelength=0.9, columnspacing=1.5, borderpad=0, borderaxespad=0,
+        )  # fmt: skip
+        axis.add_artist(names)
+    axis.set(title=f"Play against {result.opponent}, %", xlim=(0, 100), ylim=(3.9, -0.6))
     axis.grid(visible=False)
     axis.spines[["left", "bottom"]].set_visible(False)
-    axis.tick_params(length=0, labelbottom=False)
+    axis.tick_params(length=0, labelbottom=False, labelleft=False)
     lines = (
-        f"fouls: {card.fouls}, {card.per_hour(card.fouls):.0f} an hour of play",
+        f"fouls: {card.fouls} ({card.per_hour(card.fouls):.1f} an hour of play)",
         f"own goals: {card.own_goals} of {result.losses} against",
         f"  ({card.deflected} of these were shots on target)",
         f"task hit: {card.hit.successes / card.hit.episodes:.1%} scored",
         f"task defend: {card.defend.successes / card.defend.episodes:.1%} kept out",
     )
-    axis.text(0, 1.75, "\n".join(lines), va="top", linespacing=1.7)
+    axis.text(0, 2.15, "\n".join(lines), va="top", linespacing=1.7)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,7 @@ from numpy.typing import NDArray
 
 from agents.evaluation import play_points
 from agents.scorecard import Defence, Share, measure, quartiles, speed_of
+from agents.scorecard_report import draw_card
 from agents.shots import Recorder, play_on
 from airhockey_env.game import Game
 from airhockey_env.records import AUTORESET_NEXT_STEP, LEFT, PUCK, RIGHT
@@ -256,16 +259,37 @@ def test_the_command(tmp_path: Path, call: Call) -> None:
     assert not list(tmp_path.glob(".part*"))
 
 
+def test_texts_beside_the_bars_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Regression: a part's name was wider than its bar or missing, and one foul was "1, 0 an hour"."""
+    from matplotlib.legend import Legend
+
+    drawn: list[Any] = []
+    monkeypatch.setattr("agents.scorecard_report.save_figure", lambda figure, _: drawn.append(figure))
+    card = measure("idle", "idle", player_name="a", opponent_name="b", points=2, episodes=2)
+    draw_card(dataclasses.replace(card, zone=0.78, possession=0.1, fouls=1, seconds=12000.0), FULL_SIZE, tmp_path)
+    drawn[0].draw_without_rendering()
+    axis = drawn[0].axes[-1]
+    names = [child for child in axis.get_children() if isinstance(child, Legend)]
+    shown = [[text.get_text() for text in legend.get_texts()] for legend in names]
+    assert shown == [["won 0", "drawn 100", "lost 0"], ["far half 78", "in possession 10", "neither 12"]]
+    assert "fouls: 1 (0.3 an hour of play)" in axis.texts[-1].get_text()
+    frame, bars = axis.get_window_extent(), [bar.get_window_extent() for bar in axis.patches]
+    boxes = sorted((part.get_window_extent() for part in (*names, *axis.texts)), key=lambda box: -box.y0)
+    for box in boxes:
+        assert frame.x0 - 1 <= box.x0 < box.x1 <= frame.x1 + 1 and not any(box.overlaps(bar) for bar in bars)
+    assert all(above.y0 > below.y1 for above, below in pairwise(boxes))
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         ((), "python -m scripts.scorecard --help"),
         (("nobody",), "MODEL must be one of"),
-        (("idle", "--opponent", "nobody"), "'nobody' is none of these"),
+        (("idle", "--opponent", "nobody"), "--opponent must be one of"),
         (("idle", "--points", "0"), "--points must be from 1"),
         (("idle", "--episodes", "0"), "--episodes must be from 1"),
         (("idle", "--seed", "-1"), "--seed must be from 0"),
-        (("idle", "--table", "billiards"), "table must be one of"),
+        (("idle", "--table", "billiards"), "--table must be one of"),
         (("idle", "--plot", "card.pdf"), "--plot must end in .png, got 'card.pdf'"),
         (("idle", "--plot", "none/card.png"), "--plot must name a file in a folder that exists"),
         (("idle", "--json", "none/card.json"), "--json must name a file in a folder that exists"),
