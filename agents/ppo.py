@@ -153,7 +153,7 @@ class _Watch(BaseCallback):
         result = play_points(
             export_policy(self.model), self.args.opponent, self.args.eval_points, seed=1, table=self.args.table
         )
-        row = {"steps": self.num_timesteps, "seconds": self.clock.seconds, **result.as_dict()}
+        row = {"steps": self.model.num_timesteps, "seconds": self.clock.seconds, **result.as_dict()}
         self.history["evaluations"].append(row)
         for name in ("win_rate", "decided_win_rate", "mean_seconds"):
             self.logger.record(f"eval/{name}", row[name])
@@ -244,7 +244,7 @@ def train(args: TrainArgs) -> RunFolder:
         args.check()
         model, league = load_ppo(folder.model, make_env(args)), args.league()
         if asked is not None and model.num_timesteps >= asked + args.num_envs * args.n_steps:
-            raise ValueError(f"--steps must be more than the {model.num_timesteps:,} that the run has, got {asked:,}")
+            raise ValueError(f"the run has {model.num_timesteps:,} steps: --steps must be more, got {asked:,}")
         if league is not None:
             league.load(folder.path)
     clock = Clock(history["updates"][-1]["seconds"] if history["updates"] else 0.0)
@@ -263,13 +263,13 @@ def train(args: TrainArgs) -> RunFolder:
         if practising and model.num_timesteps < steps:
             practice = Practice(args.warmup_steps, args.warmup_success)
             _learn(model, steps, args.seed, make_env(args, "hit", ["idle"]), [practice, watch, bar])
-            if practice.over:
-                history["practice"] = model.num_timesteps
-                print(f"Practice is over after {model.num_timesteps:,} steps; now {whom}.")
+            history["practice"] = model.num_timesteps if practice.over else None
         if model.num_timesteps < steps:
+            if practising:
+                print(f"Practice is over after {model.num_timesteps:,} steps; now {whom}.")
             opponents, callbacks = (None, []) if league is None else (league.pool, [league])
             _learn(model, steps, args.seed, make_env(args, "point", opponents), [*callbacks, watch, bar])
-    if practising and history["practice"] is None:
+    if practising and (history["practice"] or model.num_timesteps) >= steps:
         print(f"All of it was shooting practice: with more --steps the agent would have played {whom}.")
     print("Playing for the report ...")
     watch.finish(model)
@@ -278,7 +278,7 @@ def train(args: TrainArgs) -> RunFolder:
 
 
 def _check_resumed(args: TrainArgs) -> None:
-    """Raises ValueError if a run is resumed with other arguments, which it would not heed."""
+    """Raises ValueError if a run is resumed with arguments that are not the defaults: it would not heed them."""
     given = [
         f"--{field.name.replace('_', '-')}"
         for field in dataclasses.fields(args)

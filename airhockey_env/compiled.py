@@ -59,8 +59,9 @@ def _locators() -> list[type]:
 @functools.cache  # once in a process
 def _say_that_it_takes_a_while() -> None:
     """Tell who sits in front of a terminal why nothing happens."""
-    if sys.stderr is not None and sys.stderr.isatty():
-        print("airhockey_env: compiling, which takes up to half a minute, once; then it is cached", file=sys.stderr)
+    with contextlib.suppress(Exception):  # whatever stands in for a terminal
+        if sys.stderr.isatty():
+            print("airhockey_env: compiling, which takes up to half a minute, once; then it is cached", file=sys.stderr)
 
 
 class _CacheImpl(caching.CompileResultCacheImpl):

@@ -475,6 +475,8 @@ class Game:
         for name in _FLOATS:
             if not np.isfinite(table[name]).all():
                 raise ValueError(f"state must hold finite numbers, got another in {name!r}")
+        if ((table["n_contacts"] < 0) | (table["n_contacts"] > CONTACT_ROWS)).any():
+            raise ValueError(f"state must have 0 to {CONTACT_ROWS} contacts, got another number in 'n_contacts'")
         half = np.stack([physics["half_length"], physics["half_width"]], axis=-1)
         if not (np.abs(table["position"]) <= half[:, np.newaxis]).all():
             raise ValueError("state must have all discs on the table, got a 'position' off it")

@@ -7,19 +7,15 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-
-from gymnasium.error import DependencyNotInstalled
+from typing import TYPE_CHECKING
 
 from agents.checks import check_ranges
 from scripts._command import run_command
 from scripts.torturing.cases import Case
 from scripts.torturing.hostile import play_hostile
 
-try:
-    from scripts.torturing.chamber import Tally, save_cases, torture
-    from scripts.torturing.trial import play_case
-except DependencyNotInstalled as error:
-    raise SystemExit(f"torture: {error}") from error
+if TYPE_CHECKING:
+    from scripts.torturing.chamber import Tally
 
 REGRESSIONS = Path(__file__).parents[1] / "tests" / "regressions"
 
@@ -52,8 +48,12 @@ def torture_chamber(args: TortureArgs) -> None:
 
     Raises:
         ValueError, OSError: an argument does not fit.
+        DependencyNotInstalled: PettingZoo is missing, for one of the faces.
     """
     from tqdm import tqdm
+
+    from scripts.torturing.chamber import Tally, save_cases, torture
+    from scripts.torturing.trial import play_case
 
     check_ranges(args, seconds=(0, 1e9), steps=(1, 10**15), seed=(0, 10**9), first=(0, 10**9), jobs=(1, 1024))
     if args.replay is not None:

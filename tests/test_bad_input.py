@@ -337,6 +337,8 @@ def test_indices_of_states(indices, randomize):
           for name in ("position", "velocity", "skill", "plan", "wander", "potential") for value in (NAN, INF)),
         ("position", 1.5, "state must have all discs on the table"),
         ("position", -1e300, "state must have all discs on the table"),
+        ("n_contacts", 9, "state must have 0 to 8 contacts"),
+        ("n_contacts", -1, "state must have 0 to 8 contacts"),
     ],
 )  # fmt: skip
 def test_states_that_no_table_could_be_in(name, value, message, randomize):

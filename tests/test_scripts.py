@@ -151,12 +151,23 @@ class TestTrainPpo:
         assert seconds == sorted(seconds)
         assert MlpPolicy.load(copied / "policy.npz").weights[0].shape[0] == 8, "with the run's own arguments"
 
+    def test_a_finished_run_gets_what_it_lacks(self, trained: Path, tmp_path: Path, call: Call) -> None:
+        """As after Ctrl-C in the last evaluation."""
+        copied = copy_of(trained, tmp_path)
+        history = json.loads((copied / "evaluations.json").read_text())
+        (copied / "evaluations.json").write_text(json.dumps({**history, "evaluations": [], "report": []}))
+        for _ in range(2):
+            assert LAST_LINE in call("train_ppo", "--resume", "tiny")
+            history = json.loads((copied / "evaluations.json").read_text())
+            assert [row["steps"] for row in history["evaluations"]] == [2 * UPDATE]
+            assert len(history["report"]) == len(OPPONENTS)
+
     def test_what_is_not_resumed(self, trained: Path, tmp_path: Path, call: Call) -> None:
         copied = copy_of(trained, tmp_path)
         before = [(path, path.read_bytes()) for path in sorted(copied.iterdir()) if path.is_file()]
         assert "a run must be a folder" in call("train_ppo", "--resume", "none", fails=True)
         printed = call("train_ppo", "--resume", "tiny", "--steps", str(UPDATE), fails=True)
-        assert f"--steps must be more than the {2 * UPDATE} that the run has, got {UPDATE}" in printed
+        assert f"the run has {2 * UPDATE:,} steps: --steps must be more, got {UPDATE:,}" in printed
         assert "got --seed" in call("train_ppo", "--resume", "tiny", "--seed", "3", fails=True)
         assert before == [(path, path.read_bytes()) for path in sorted(copied.iterdir()) if path.is_file()]
 
@@ -452,5 +463,7 @@ class TestBenchmark:
         assert arguments[0] in call("benchmark", *arguments, fails=True)
 
     def test_a_page_without_a_place_is_refused_before_anything_is_measured(self, tmp_path: Path, call: Call) -> None:
-        (tmp_path / "page.md").write_text("<!-- table batch -->\n<!-- end of table batch -->\n")
-        assert "place for the table of 'single'" in call("benchmark", "--page", "page.md", fails=True)
+        page = "<!-- table batch -->\n<!-- end of table batch -->\n"
+        (tmp_path / "page.md").write_text(page)
+        assert "place for the table of 'single'" in call("benchmark", "--quick", "--page", "page.md", fails=True)
+        assert (tmp_path / "page.md").read_text() == page

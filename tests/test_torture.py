@@ -173,7 +173,7 @@ def test_hostile_play_gives_a_case_of_one_step(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_the_command_names_what_it_needs() -> None:
-    code = "import sys; sys.modules['pettingzoo'] = None; import scripts.torture"
+    code = "import sys; sys.modules['pettingzoo'] = None; from scripts import torture; torture.main()"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert done.stderr.startswith("torture: ") and "airhockey-env[multiagent]" in done.stderr
