@@ -14,7 +14,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList, ProgressBarCallback
 from stable_baselines3.common.vec_env import VecMonitor
 
-from agents.checks import check_ranges
+from agents.checks import check_ranges, check_table
 from agents.evaluation import OPPONENTS, play_points
 from agents.features import RelativeFeatures
 from agents.files import read_json, write_json
@@ -105,8 +105,9 @@ class TrainArgs:
         Raises:
             ValueError: an argument is out of range.
         """
+        check_table(self.table)
         if self.opponent not in OPPONENTS:
-            raise ValueError(f"opponent must be one of {OPPONENTS}, got {self.opponent!r}")
+            raise ValueError(f"--opponent must be one of {OPPONENTS}, got {self.opponent!r}")
         if not self.opponents or not set(self.opponents) <= set(OPPONENTS):
             raise ValueError(f"--opponents must be some of {OPPONENTS}, got {self.opponents!r}")
         most = math.inf

@@ -206,8 +206,8 @@ class TestTrainPpo:
     @pytest.mark.parametrize(
         ("arguments", "message"),
         [
-            (("--opponent", "nobody"), "opponent must be one of"),
-            (("--table", "billiards"), "table must be one of"),
+            (("--opponent", "nobody"), "--opponent must be one of"),
+            (("--table", "billiards"), "--table must be one of"),
             (("--reward", "huge"), "reward must be one of"),
             (("--opponents", "striker", "nobody"), "--opponents must be some of"),
             (("--num-envs", "0"), "--num-envs must be 1 or more, got 0"),
