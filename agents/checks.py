@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,11 @@ def check_ranges(args: Any, **ranges: tuple[float, float]) -> None:
         if not least <= value <= greatest or math.isinf(value):
             allowed = f"{least} or more" if math.isinf(greatest) else f"from {least} to {greatest}"
             raise ValueError(f"--{name.replace('_', '-')} must be {allowed}, got {value}")
+
+
+def not_default(args: Any) -> list[str]:
+    """Names of the fields of an arguments record that have another value than their default."""
+    return [field.name for field in dataclasses.fields(args) if getattr(args, field.name) != field.default]
 
 
 def check_output(name: str, path: Path | None, suffix: str = "") -> None:

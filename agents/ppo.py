@@ -14,7 +14,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList, ProgressBarCallback
 from stable_baselines3.common.vec_env import VecMonitor
 
-from agents.checks import check_ranges, check_table
+from agents.checks import check_ranges, check_table, not_default
 from agents.evaluation import OPPONENTS, play_points
 from agents.features import RelativeFeatures
 from agents.files import read_json, write_json
@@ -132,7 +132,11 @@ class _Watch(BaseCallback):
         self.args = args
         self.history = history
         self.clock = clock
-        self.due = (history["evaluations"][-1]["steps"] if history["evaluations"] else 0) + args.eval_every
+        self.due = self._evaluated() + args.eval_every
+
+    def _evaluated(self) -> int:
+        """Steps of the run at its last evaluation."""
+        return self.history["evaluations"][-1]["steps"] if self.history["evaluations"] else 0
 
     def _on_step(self) -> bool:
         return True
@@ -145,7 +149,7 @@ class _Watch(BaseCallback):
     def finish(self, model: PPO) -> None:
         """Evaluate at the end of training too, and save everything."""
         _save(self.folder, model, self.history, self.league)
-        if model.num_timesteps > (self.history["evaluations"][-1]["steps"] if self.history["evaluations"] else 0):
+        if model.num_timesteps > self._evaluated():
             self.init_callback(model)
             self.evaluate()
 
@@ -280,11 +284,7 @@ def train(args: TrainArgs) -> RunFolder:
 
 def _check_resumed(args: TrainArgs) -> None:
     """Raises ValueError if a run is resumed with arguments that are not the defaults: it would not heed them."""
-    given = [
-        f"--{field.name.replace('_', '-')}"
-        for field in dataclasses.fields(args)
-        if field.name not in ("resume", "steps") and getattr(args, field.name) != field.default
-    ]
+    given = [f"--{name.replace('_', '-')}" for name in not_default(args) if name not in ("resume", "steps")]
     if given:
         raise ValueError(f"--resume goes on with the run's own arguments and --steps alone, got {' '.join(given)}")
 

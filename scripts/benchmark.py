@@ -69,8 +69,9 @@ def check(args: BenchmarkArgs) -> None:
     if args.page is not None:
         if not args.page.is_file():
             raise FileNotFoundError(f"--page must be a page that exists, got {args.page}")
+        text = args.page.read_text()
         for name in args.parts:
-            page.check(args.page.read_text(), name)
+            page.check(text, name)
     if args.plot is not None:
         check_matplotlib("--plot needs")
 

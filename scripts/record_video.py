@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ import tyro
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from agents.checks import check_ranges, check_table
+from agents.checks import check_ranges, check_table, not_default
 from agents.models import load_player
 from agents.video import SUFFIXES, frames_of_play, write_video
 from airhockey_env.replay import Replay, is_replay, play_back_frames
@@ -63,9 +62,9 @@ def record(args: RecordArgs) -> None:
     fps = args.fps
     frames: Iterator[NDArray[np.uint8]]
     if is_replay(args.model):
-        for field in dataclasses.fields(args):
-            if field.name in ("opponent", "table", "seed") and getattr(args, field.name) != field.default:
-                raise ValueError(f"--{field.name} does not go with a replay, which has its own")
+        for name in not_default(args):
+            if name in ("opponent", "table", "seed"):
+                raise ValueError(f"--{name} does not go with a replay, which has its own")
         replay = Replay.load(args.model)
         seconds = replay.seconds if args.seconds is None else min(args.seconds, replay.seconds)
         fps = min(fps, math.floor(replay.control_hz))

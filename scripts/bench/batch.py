@@ -32,8 +32,8 @@ def measure(effort: Effort) -> tuple[list[Row], list[str]]:
             (POOL, games.env_pool, {}),
         ]
         if size > THREADED:
-            wanted[1:1] = [(TWO, games.batch, {"threads": 2})]
-            wanted[3:3] = [(TWO_CODE, games.compiled, {"threads": 2})]
+            wanted.insert(1, (TWO, games.batch, {"threads": 2}))
+            wanted.insert(3, (TWO_CODE, games.compiled, {"threads": 2}))
         if size <= MOST_SYNC:
             wanted.append((SYNC, games.cart_poles, {"mode": "sync"}))
         measures = []
