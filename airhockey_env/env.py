@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
 from numpy.typing import NDArray
 
 from airhockey_env.checks import check_seed
@@ -14,6 +15,7 @@ from airhockey_env.game import Game
 from airhockey_env.players import Policy, check_opponent
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.tables import TableSpec
+from airhockey_env.threads import one_at_a_time
 
 
 class AirHockeyEnv(TableFace, gym.Env):
@@ -111,9 +113,12 @@ class AirHockeyEnv(TableFace, gym.Env):
     success; `max_episode_steps` changes that.
 
     ## Info
-    `score`: (2,) int32, own and opponent's. `contacts`: those of this step, see `airhockey_env.contacts.Contacts`
-    (the first 8; only a squeezed puck has more). `is_success`: True on the step that ends the episode with success.
-    With `randomize`, `table`: the values that were drawn, a dict from the fields' names.
+    NumPy arrays and scalars of fixed shape and dtype: `score`: (2,) int32, own and opponent's. `foul`: bool, True on
+    the step in which a shot clock ran out. `is_success`: bool, True on the step that ends the episode with success.
+    With `randomize`, `table`: the values that were drawn, a dict from the fields' names to float64.
+
+    The contacts of the last step are asked for: `env.unwrapped.contacts`, a structured array with a row for each, in
+    the order of time. `env.unwrapped.positions` and `velocities` have the three discs in m and m/s.
 
     ## Arguments
     | argument | values | default |
@@ -173,6 +178,7 @@ class AirHockeyEnv(TableFace, gym.Env):
         self.observation_space = observation_space(game.obs_type)
         self.action_space = action_space(game.continuous)
 
+    @one_at_a_time
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[Any], dict[str, Any]]:
@@ -197,8 +203,9 @@ class AirHockeyEnv(TableFace, gym.Env):
         self._game.reset(options=checked)
         if self.render_mode == "human":
             self.render()
-        return self._observation(), self._info_of(self._game.tables["score"][0].copy(), False)
+        return self._observation(), self._info_of(self._game.tables["score"][0].copy(), np.False_)
 
+    @one_at_a_time
     def step(self, action: Any) -> tuple[NDArray[Any], float, bool, bool, dict[str, Any]]:
         """Play one control step.
 
@@ -209,11 +216,12 @@ class AirHockeyEnv(TableFace, gym.Env):
         game, out = self._game, self._game.out
         game.step(game.check_action(action))
         terminated = bool(out.terminated[0])
-        info = self._info_of(game.tables["score"][0].copy(), bool(out.success[0]))
+        info = self._info_of(game.tables["score"][0].copy(), out.success[0])
         if self.render_mode == "human":
             self.render()
         return self._observation(), float(out.reward[0]), terminated, bool(out.truncated[0]), info
 
+    @one_at_a_time
     def observe(self) -> NDArray[Any]:
         """The observation of the table as it is now, without a step: what `reset` or `step` returned or, after
         `set_state`, what they returned in that state. A fresh array.

@@ -12,9 +12,9 @@ import numpy as np
 from gymnasium import logger
 from numpy.typing import ArrayLike, NDArray
 
-from airhockey_env.contacts import NO_CONTACTS, Contacts
 from airhockey_env.game import Game
 from airhockey_env.tables import TableSpec
+from airhockey_env.threads import one_at_a_time
 
 
 class Face:
@@ -58,10 +58,22 @@ class TableFace(Face):
         """(3, 2) m/s, a copy: left paddle, right paddle, puck."""
         return self._game.tables["velocity"][0].copy()
 
+    @property
+    def contacts(self) -> NDArray[np.void]:
+        """The contacts of the last step in the order of time, a copy: (n,) records, none after a reset or `set_state`.
+
+        The fields: `time` (s into the step), discs `a` and `b` (0 left paddle, 1 right paddle, 2 puck; `b` = -1 for a
+        wall or post), `x`, `y` (m), the unit normal `nx`, `ny` that points from b to a, and `impulse` (kg m/s). At most
+        8 are kept, which only a squeezed puck exceeds.
+        """
+        return self._game.contacts()[0, : self._game.out.n_contacts[0]]
+
+    @one_at_a_time
     def get_state(self) -> NDArray[np.void]:
         """Everything that decides what happens next: (1,) record, random stream and clocks included."""
         return self._game.get_state()
 
+    @one_at_a_time
     def set_state(self, state: NDArray[np.void]) -> None:
         """Go on from a state that `get_state` returned: what follows is the same to the bit.
 
@@ -71,6 +83,7 @@ class TableFace(Face):
         self._game.set_state(state)
         self._seeded = True
 
+    @one_at_a_time
     def render(self) -> NDArray[np.uint8] | None:
         """The picture as (height, width, 3) uint8 in `"rgb_array"` mode; shows it in a window in `"human"` mode."""
         if self._renderer is None:
@@ -93,14 +106,12 @@ class TableFace(Face):
             self._window.close()
             self._window = None
 
-    def _info_of(self, score: NDArray[np.int32], success: bool) -> dict[str, Any]:
+    def _info_of(self, score: NDArray[np.int32], success: np.bool_) -> dict[str, Any]:
         """What a player is told, who has this score."""
         game = self._game
-        count = game.out.n_contacts.item()
-        contacts = Contacts(game.out.contacts[0, :count].copy(), 0, count) if count else NO_CONTACTS
-        info: dict[str, Any] = {"score": score, "contacts": contacts, "is_success": success}
+        info: dict[str, Any] = {"score": score, "foul": game.out.foul[0], "is_success": success}
         if game.randomized:
-            info["table"] = {name: float(value[0]) for name, value in game.drawn().items()}
+            info["table"] = {name: value[0] for name, value in game.drawn().items()}
         return info
 
     def __getstate__(self) -> dict[str, Any]:
@@ -126,6 +137,21 @@ class BatchFace(Face):
         """(num_envs, 3, 2) m/s, a copy: left paddle, right paddle, puck."""
         return self._game.tables["velocity"].copy()
 
+    @property
+    def contacts(self) -> NDArray[np.void]:
+        """(num_envs, 8) records, a copy: the contacts of the last step, in each row in the order of time.
+
+        The fields are those of `AirHockeyEnv.contacts`. The first `n_contacts[i]` of row i are contacts, the others are
+        zeros. An automatic reset in the same step (`SAME_STEP`) leaves the contacts of the step that ended the episode.
+        """
+        return self._game.contacts()
+
+    @property
+    def n_contacts(self) -> NDArray[np.int32]:
+        """(num_envs,) how many contacts of the last step `contacts` holds for each table, a copy."""
+        return self._game.out.n_contacts.copy()
+
+    @one_at_a_time
     def get_state(self, indices: ArrayLike | None = None) -> NDArray[np.void]:
         """Copies of everything that decides what happens next, for all tables or for some: (n,) records.
 
@@ -137,6 +163,7 @@ class BatchFace(Face):
         """
         return self._game.get_state(indices)
 
+    @one_at_a_time
     def set_state(self, state: NDArray[np.void], indices: ArrayLike | None = None) -> None:
         """Let all tables, or some, go on from states that `get_state` returned; the same to the bit.
 
@@ -150,6 +177,7 @@ class BatchFace(Face):
         self._game.set_state(state, indices)
         self._seeded = True
 
+    @one_at_a_time
     def observe(self, indices: ArrayLike | None = None) -> NDArray[Any]:
         """Observations of all tables, or of some, as they are now, without a step: (n, ...), a fresh array.
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,6 +34,7 @@ from airhockey_env.records import (
 from airhockey_env.reset_options import SERVERS, ResetOptions, check_reset_options
 from airhockey_env.tables import TableSpec, resolve_table
 from airhockey_env.tasks import TASKS
+from airhockey_env.threads import Threads
 
 REWARDS = ("sparse", "shaped")
 OBS_TYPES = ("state", *CHANNELS)
@@ -59,9 +58,10 @@ class Outputs(NamedTuple):
     other_observation: NDArray[np.float32]  # (N, 13) of the right players, where these come from outside
     final_observation: NDArray[np.float32]  # (N, 13) what an automatic reset in the same step replaced
     score: NDArray[np.int32]  # (N, 2) left, right
+    final_score: NDArray[np.int32]  # (N, 2) what an automatic reset in the same step replaced
     n_contacts: NDArray[np.int32]  # (N,) in the last step: the first so many of its row of `contacts`
-    final_score: NDArray[np.int32]  # (N, 2) and what
-    final_contacts: NDArray[np.int32]  # (N,) an automatic reset in the same step replaced
+    point: NDArray[np.int8]  # (N,) +1 if the left player scored in the last step, -1 if the right one did, else 0
+    foul: NDArray[np.bool_]  # (N,) a shot clock ran out in the last step
     success: NDArray[np.bool_]  # (N,) the step ended the episode with success
     final_spec: NDArray[np.float64]  # (N, 15), where tables are drawn anew: PHYSICS' spec, likewise
     reward: NDArray[np.float64]  # (N,)
@@ -134,8 +134,7 @@ class Game:
         self.control_hz = check_number("control_hz", control_hz, *CONTROL_HZ)
         skill = check_skill(opponent_skill, self.num_tables)
         max_steps = 0 if max_episode_steps is None else check_whole("max_episode_steps", max_episode_steps, 1)
-        self.num_threads = (os.cpu_count() or 1) if num_threads is None else check_whole("num_threads", num_threads, 1)
-        self._threads: ThreadPoolExecutor | None = None
+        self.threads = Threads(None if num_threads is None else check_whole("num_threads", num_threads, 1))
 
         self.ranges = check_ranges(self.spec, {} if randomize is None else randomize)
         self.randomized = () if randomize is None else tuple(randomize)
@@ -163,9 +162,10 @@ class Game:
             other_observation=np.zeros((n if self._two_players else 0, OBSERVATION_SIZE), np.float32),
             final_observation=np.zeros((n, OBSERVATION_SIZE), np.float32),
             score=np.zeros((n, 2), np.int32),
-            n_contacts=np.zeros(n, np.int32),
             final_score=np.zeros((n, 2), np.int32),
-            final_contacts=np.zeros(n, np.int32),
+            n_contacts=np.zeros(n, np.int32),
+            point=np.zeros(n, np.int8),
+            foul=np.zeros(n, np.bool_),
             success=np.zeros(n, np.bool_),
             final_spec=np.zeros((n if self.randomized else 0, len(FIELDS)), np.float64),
             reward=np.zeros(n, np.float64),
@@ -256,7 +256,7 @@ class Game:
                 )
         if others is None:
             others = self._ask() if self._asks else self._others
-        self._share(n, ROWS_PER_THREAD, self._step_rows, targets, others)
+        self.threads.share(n, ROWS_PER_THREAD, self._step_rows, targets, others)
 
     @property
     def opponents(self) -> tuple[Opponent, ...]:
@@ -355,8 +355,17 @@ class Game:
             physics = with_spec(physics, self.out.final_spec if rows is None else self.out.final_spec[rows])
         background = self.pixels.background(physics)
         frames = self.pixels.blank(n, again=rows is None)
-        self._share(n, PICTURES_PER_THREAD, self.pixels.draw, observations, physics, background, frames)
+        self.threads.share(n, PICTURES_PER_THREAD, self.pixels.draw, observations, physics, background, frames)
         return frames if frames.shape[-1] > 1 else frames[..., 0]
+
+    def contacts(self) -> NDArray[np.void]:
+        """The contacts of the last step, a copy: (N, CONTACT_ROWS) records of `CONTACT`.
+
+        In row i the first `out.n_contacts[i]` are contacts, in the order of time, and the others are zeros.
+        """
+        contacts = np.array(self.out.contacts, CONTACT, subok=False)
+        contacts[np.arange(CONTACT_ROWS) >= self.out.n_contacts[:, np.newaxis]] = 0
+        return contacts
 
     def get_state(self, indices: ArrayLike | None = None) -> NDArray[np.void]:
         """A copy of everything that decides what happens next on the given tables; None for all.
@@ -411,26 +420,14 @@ class Game:
             self.tables["player"][chosen, RIGHT] = self._numbers[places]
         self._note_begun()
         kernel.refresh_rows(chosen, self.tables, self.physics, self.settings, self.out)
+        out = self.out  # nothing has happened yet in this state
+        out.n_contacts[chosen], out.point[chosen], out.foul[chosen], out.success[chosen] = 0, 0, False, False
 
     # How it is done ---------------------------------------------------------------------------------------------
 
     def _note_begun(self) -> None:
         """Whether every table has begun an episode: a puck that was served is on a side."""
         self.begun = self.begun or bool(self.tables["side"].all())
-
-    def _share(self, n: int, rows_per_thread: int, work: Callable[..., None], *arguments: Any) -> None:
-        """Do `work(first, last, *arguments)` for n rows, in parts for several threads where these are worth it."""
-        threads = min(self.num_threads, n // rows_per_thread)
-        if threads < 2:
-            work(0, n, *arguments)
-            return
-        if self._threads is None:
-            self._threads = ThreadPoolExecutor(self.num_threads - 1, thread_name_prefix="airhockey")
-        bounds = [n * k // threads for k in range(threads + 1)]
-        parts = [self._threads.submit(work, bounds[k], bounds[k + 1], *arguments) for k in range(1, threads)]
-        work(0, bounds[1], *arguments)
-        for part in parts:
-            part.result()
 
     def _step_rows(self, first: int, last: int, targets: NDArray[np.float32], others: NDArray[np.float32]) -> None:
         fixed = (self.tables, self.physics, self.settings, self.ranges)
@@ -496,8 +493,7 @@ class Game:
         return check_reset_options(options, self.spec, int(self.settings["task"][0]), bool(self.randomized))
 
     def __getstate__(self) -> dict[str, Any]:
-        # Threads and groups (whose views a copy would not keep) are made anew where they are needed.
-        return {**self.__dict__, "_threads": None, "_groups": None}
+        return {**self.__dict__, "_groups": None}  # made where they are needed: a copy would not keep their views
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Game:
         from copy import deepcopy

@@ -53,7 +53,7 @@ def begin(table, physics, settings, ranges, side):
 def step_table(table, physics, settings, ax, ay, bx, by, contacts):
     """Play one step of one table; (ax, ay) and (bx, by) are the left and the right player's actions.
 
-    Returns (reward of the left player, that of the right player, terminated, truncated).
+    Returns (point, foul, reward of the left player, that of the right player, terminated, truncated).
     """
     drive(table, physics, LEFT, ax, ay)
     drive(table, physics, RIGHT, bx, by)
@@ -71,7 +71,7 @@ def step_table(table, physics, settings, ax, ay, bx, by, contacts):
     truncated = settings.max_steps > 0 and table.steps >= settings.max_steps and not terminated
     table.success = 1 if terminated and success else 0
     table.done = terminated or truncated
-    return reward, other_reward, terminated, truncated
+    return point, foul, reward, other_reward, terminated, truncated
 
 
 @inlined
@@ -101,17 +101,20 @@ def step_rows(first, last, tables, physics, settings, ranges, actions, others, o
         law = physics[i if own_physics else 0]
         if table.done and rules.autoreset == AUTORESET_NEXT_STEP:
             begin(table, law, rules, ranges, 0)
+            forget_step(out, i)
             out.reward[i] = 0.0
             out.terminated[i] = False
             out.truncated[i] = False
-            out.success[i] = False
             if rules.both_sides:
                 out.other_reward[i] = 0.0
         else:
             ax, ay = choose(table, law, LEFT, actions, i)
             bx, by = choose(table, law, RIGHT, others, i)
             result = step_table(table, law, rules, ax, ay, bx, by, out.contacts[i])
-            reward, other_reward, terminated, truncated = result
+            point, foul, reward, other_reward, terminated, truncated = result
+            out.n_contacts[i] = table.n_contacts
+            out.point[i] = point
+            out.foul[i] = foul
             out.reward[i] = reward
             if rules.both_sides:
                 out.other_reward[i] = other_reward
@@ -121,7 +124,6 @@ def step_rows(first, last, tables, physics, settings, ranges, actions, others, o
             if table.done and rules.autoreset == AUTORESET_SAME_STEP:
                 observe(table, law, LEFT, out.final_observation, i)
                 out.final_score[i, 0], out.final_score[i, 1] = table.score[0], table.score[1]
-                out.final_contacts[i] = table.n_contacts
                 if rules.randomized:
                     out.final_spec[i, :] = law.spec
                 begin(table, law, rules, ranges, 0)
@@ -130,10 +132,9 @@ def step_rows(first, last, tables, physics, settings, ranges, actions, others, o
 
 @inlined
 def observe_row(table, physics, settings, out, i):
-    """Write what table i looks like: its observations, its score, and how many contacts the last step had."""
+    """Write what table i looks like: its observations and its score."""
     observe(table, physics, LEFT, out.observation, i)
     out.score[i, 0], out.score[i, 1] = table.score[0], table.score[1]
-    out.n_contacts[i] = table.n_contacts
     if settings.both_sides:
         observe(table, physics, RIGHT, out.other_observation, i)
 
@@ -146,8 +147,17 @@ def reset_rows(rows, sides, tables, physics, settings, ranges, out):
         i = rows[k]
         law = physics[i if own_physics else 0]
         begin(tables[i], law, settings[0], ranges, sides[k])
-        out.success[i] = False
+        forget_step(out, i)
         observe_row(tables[i], law, settings[0], out, i)
+
+
+@inlined
+def forget_step(out, i):
+    """Nothing has happened on table i since its episode began, or since its state was set."""
+    out.n_contacts[i] = 0
+    out.point[i] = 0
+    out.foul[i] = False
+    out.success[i] = False
 
 
 @compiled

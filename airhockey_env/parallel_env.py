@@ -15,6 +15,7 @@ from airhockey_env.face import TableFace
 from airhockey_env.game import Game
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.tables import TableSpec
+from airhockey_env.threads import one_at_a_time
 
 try:
     from pettingzoo.utils import parallel_to_aec
@@ -79,9 +80,9 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
     five empty dicts, and any other `step` raises `gymnasium.error.ResetNeeded`.
 
     ## Info
-    Of each agent: `score`: (2,) int32, own and opponent's. `contacts`: those of this step (see
-    `airhockey_env.contacts.Contacts`), in the table's coordinates, the same for both. `is_success`: True for the agent
-    that wins the episode, on the step that ends it.
+    Of each agent: `score`: (2,) int32, own and opponent's. `foul`: bool, True on the step in which a shot clock ran
+    out, the same for both. `is_success`: bool, True for the agent that wins the episode, on the step that ends it. The
+    property `contacts` has the contacts of the last step, in the table's coordinates.
 
     ## Arguments
     | argument | values | default |
@@ -154,6 +155,7 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
         """The action space of an agent: always the same object."""
         return self.action_spaces[agent]
 
+    @one_at_a_time
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, NDArray[Any]], dict[str, dict[str, Any]]]:
@@ -183,6 +185,7 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
             self.render()
         return self._observations(), self._infos()
 
+    @one_at_a_time
     def step(
         self, actions: Mapping[str, Any]
     ) -> tuple[
@@ -235,6 +238,7 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
             raise ResetNeeded("reset before state")
         return self._game.out.observation[0].copy()
 
+    @one_at_a_time
     def set_state(self, state: NDArray[np.void]) -> None:
         """Go on from a state that `get_state` returned: what follows is the same to the bit. `agents` follows it.
 
@@ -245,6 +249,7 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
         table = self._game.tables[0]
         self.agents = [] if table["done"] or table["side"] == 0 else list(AGENTS)
 
+    @one_at_a_time
     def observe(self) -> dict[str, NDArray[Any]]:
         """Both agents' observations of the table as it is now, without a step: what `reset` or `step` returned or,
         after `set_state`, what they returned in that state. Fresh arrays, of both agents after the episode's end too.
@@ -266,8 +271,8 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
         score = game.tables["score"][0]
         over = not self.agents and bool(game.out.terminated[0])
         return {
-            "left": self._info_of(score.copy(), over and bool(score[0] > score[1])),
-            "right": self._info_of(score[::-1].copy(), over and bool(score[1] > score[0])),
+            "left": self._info_of(score.copy(), np.bool_(over and score[0] > score[1])),
+            "right": self._info_of(score[::-1].copy(), np.bool_(over and score[1] > score[0])),
         }
 
 

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env.game import Game
 from airhockey_env.players import Opponent
+from airhockey_env.threads import one_at_a_time
 
 
 class OpponentPool:
@@ -48,6 +49,7 @@ class OpponentPool:
         """(num_envs,) the share of their speed that scripted opponents use; a copy."""
         return np.array(self._game.tables["skill"][:, 1])
 
+    @one_at_a_time
     def set_opponents(self, indices: ArrayLike, tables: ArrayLike | None = None) -> None:
         """Assign opponents to tables, from the next step on; episodes under way go on.
 
@@ -60,6 +62,7 @@ class OpponentPool:
         """
         self._game.set_opponents(indices, tables)
 
+    @one_at_a_time
     def set_opponent(self, index: int, opponent: Opponent) -> None:
         """Put another opponent in a place of the pool, on whatever tables that place plays, from the next step on.
 
@@ -68,6 +71,7 @@ class OpponentPool:
         """
         self._game.set_opponent(index, opponent)
 
+    @one_at_a_time
     def add_opponent(self, opponent: Opponent) -> int:
         """Add an opponent to the pool; its place, for `set_opponents`. No table is assigned to it yet.
 
@@ -76,6 +80,7 @@ class OpponentPool:
         """
         return self._game.add_opponent(opponent)
 
+    @one_at_a_time
     def set_opponent_skill(self, skill: ArrayLike, tables: ArrayLike | None = None) -> None:
         """Set the share of their speed that scripted opponents use, from the next step on.
 

@@ -17,6 +17,7 @@ from airhockey_env.players import Opponent, check_opponent
 from airhockey_env.pool import OpponentPool
 from airhockey_env.records import AUTORESET_SAME_STEP
 from airhockey_env.spaces import action_space, observation_space
+from airhockey_env.threads import one_at_a_time
 
 try:
     from stable_baselines3.common.vec_env import VecEnv
@@ -30,8 +31,8 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
     """`num_envs` tables of `AirHockeyEnv` (whose docstring is the specification) as a Stable-Baselines3 `VecEnv`.
 
     Episodes restart in the step that ends them. The info of that step holds `terminal_observation`,
-    `TimeLimit.truncated`, `score` and `is_success`; the infos of other steps are empty, so that a step of many tables
-    does not make many objects. `VecMonitor` and the other wrappers of Stable-Baselines3 work on top.
+    `TimeLimit.truncated`, `score`, `foul` and `is_success`; the infos of other steps are empty, so that a step of many
+    tables does not make many objects. `VecMonitor` and the other wrappers of Stable-Baselines3 work on top.
 
     Pictures have an axis of channels, as Stable-Baselines3's `VecFrameStack` and `CnnPolicy` need it:
     `obs_type="grayscale"` gives (84, 84, 1) here.
@@ -72,6 +73,7 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
             space = spaces.Box(0, 255, (*space.shape, 1), np.uint8)
         super().__init__(game.num_tables, space, action_space(game.continuous))
 
+    @one_at_a_time
     def reset(self) -> NDArray[Any]:
         """Begin an episode on every table; with the seeds of `seed` and the options of `set_options`, if given."""
         options = [self._game.check_reset_options(one) for one in self._options]
@@ -86,6 +88,7 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
         self.reset_infos = [{} for _ in range(self.num_envs)]
         return self._with_channels(self._game.observations())
 
+    @one_at_a_time
     def observe(self, indices: Any = None) -> NDArray[Any]:
         """As `AirHockeyVectorEnv.observe`; pictures have their axis of channels."""
         return self._with_channels(super().observe(indices))
@@ -119,6 +122,7 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
         """
         self._targets = self._game.check_actions(actions)
 
+    @one_at_a_time
     def step_wait(self) -> tuple[NDArray[Any], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """Play the step."""
         if self._targets is None:
@@ -139,18 +143,21 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
                 "terminal_observation": final,
                 "TimeLimit.truncated": bool(out.truncated[i]),
                 "score": score,
-                "is_success": bool(out.success[i]),
+                "foul": out.foul[i],
+                "is_success": out.success[i],
             }
             if self._game.randomized:
-                infos[i]["table"] = {name: float(values[i]) for name, values in drawn.items()}
+                infos[i]["table"] = {name: values[i] for name, values in drawn.items()}
         return self._with_channels(self._game.observations()), out.reward.astype(np.float32), dones, infos
 
+    @one_at_a_time
     def get_images(self) -> Sequence[np.ndarray | None]:
         """A picture of every table."""
         return self._pictures() or [None] * self.num_envs
 
     def close(self) -> None:
-        """Nothing is held open."""
+        """End the threads of the batch."""
+        self._game.threads.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """An attribute of the batch, once for each of the tables asked for."""

@@ -11,7 +11,6 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env.checks import check_seed
-from airhockey_env.contacts import batch_contacts
 from airhockey_env.face import BatchFace
 from airhockey_env.game import Game
 from airhockey_env.players import Opponent, check_opponent
@@ -19,6 +18,7 @@ from airhockey_env.pool import OpponentPool
 from airhockey_env.records import AUTORESET_DISABLED, AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.tables import TableSpec
+from airhockey_env.threads import one_at_a_time
 
 _AUTORESET = {
     AutoresetMode.NEXT_STEP: AUTORESET_NEXT_STEP,
@@ -44,9 +44,9 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
             a pool that the tables share and that can be changed while playing: see `OpponentPool`. `opponent_skill`
             may also be an array, one for each table.
 
-    Infos have Gymnasium's vector form: `score` (num_envs, 2), `is_success` (num_envs,), `contacts` (num_envs,) of
-    `airhockey_env.contacts.Contacts`, and with `randomize` `table`, each with its mask; with `SAME_STEP` also
-    `final_obs` and `final_info`.
+    Infos have Gymnasium's vector form: `score` (num_envs, 2), `foul` and `is_success` (num_envs,), and with `randomize`
+    `table`, each with its mask; with `SAME_STEP` also `final_obs` and `final_info`. The contacts of the last step are
+    asked for: `contacts` and `n_contacts`.
 
     Observations, rewards, terminations and truncations are fresh arrays with every step.
     """
@@ -104,6 +104,7 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
 
+    @one_at_a_time
     def reset(
         self,
         *,
@@ -137,6 +138,7 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
         self._game.reset(np.flatnonzero(mask), checked)
         return self._game.observations(), self._infos(mask)
 
+    @one_at_a_time
     def step(
         self, actions: ArrayLike
     ) -> tuple[NDArray[Any], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
@@ -153,36 +155,40 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
             self._add_final(infos)
         return game.observations(), out.reward.copy(), out.terminated.copy(), out.truncated.copy(), infos
 
+    @one_at_a_time
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """A picture of every table, each (height, width, 3) uint8."""
         pictures = self._pictures()
         return None if pictures is None else tuple(pictures)
 
+    def close_extras(self, **arguments: Any) -> None:
+        """End the threads of the batch."""
+        self._game.threads.close()
+
     def _infos(self, mask: NDArray[np.bool_] | None) -> dict[str, Any]:
         """Infos of all tables, or of those of the mask."""
         present = np.ones(self.num_envs, np.bool_) if mask is None else mask
         out = self._game.out
-        played = mask is None and self.autoreset_mode != AutoresetMode.SAME_STEP
-        success = out.success.copy() if played else np.zeros(self.num_envs, np.bool_)
-        return self._info_of(present, out.score.copy(), out.n_contacts, success, self._game.drawn())
+        foul, success = out.foul.copy(), out.success.copy()
+        if mask is None and self.autoreset_mode == AutoresetMode.SAME_STEP:  # those of an episode's last step are final
+            fresh = out.terminated | out.truncated
+            foul[fresh] = success[fresh] = False
+        return self._info_of(present, out.score.copy(), foul, success, self._game.drawn())
 
     def _info_of(
         self,
         present: NDArray[np.bool_],
         score: NDArray[np.int32],
-        counts: NDArray[np.int32],
+        foul: NDArray[np.bool_],
         success: NDArray[np.bool_],
         drawn: dict[str, NDArray[np.float64]],
     ) -> dict[str, Any]:
         """Gymnasium's layout: every key with its mask, and nothing where the mask is not set."""
         everywhere = bool(present.all())
-        values: dict[str, Any] = {
-            "score": score,
-            "contacts": batch_contacts(self._game.out.contacts, counts, present),
-            "is_success": success,
-        }
+        values: dict[str, Any] = {"score": score, "foul": foul, "is_success": success}
         if not everywhere:
-            score[~present] = 0
+            for value in values.values():
+                value[~present] = 0
         if drawn:
             values["table"] = {}
             for name, value in drawn.items():
@@ -201,10 +207,9 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
         finals = self._game.shown(out.final_observation[rows], rows, final=True)
         for row, final in zip(rows, finals, strict=True):
             observations[row] = final
-        counts = np.where(done, out.final_contacts, 0)
         infos["final_obs"], infos["_final_obs"] = observations, done
         infos["final_info"] = self._info_of(
-            done, out.final_score.copy(), counts, out.success.copy(), self._game.drawn(final=True)
+            done, out.final_score.copy(), out.foul.copy(), out.success.copy(), self._game.drawn(final=True)
         )
         infos["_final_info"] = done.copy()
 

@@ -51,8 +51,9 @@ typedef struct {
 
 typedef struct {
     float *observation, *final_observation;
-    int32_t *score, *final_score, *final_contacts;
-    bool *success;
+    int32_t *score, *final_score, *n_contacts;
+    int8_t *point;
+    bool *foul, *success;
     double *reward;
     bool *terminated, *truncated;
     Contact *contacts;
@@ -488,23 +489,29 @@ void step_rows(int64_t first, int64_t last, Table *restrict tables, const Physic
         Table *table = &tables[i];
         if (table->done && autoreset == NEXT_STEP) {
             begin(table, &law);
+            out.n_contacts[i] = 0;
+            out.point[i] = 0;
             out.reward[i] = 0.0;
-            out.terminated[i] = out.truncated[i] = out.success[i] = false;
+            out.foul[i] = out.terminated[i] = out.truncated[i] = out.success[i] = false;
         } else {
             Vector action = {actions[2 * i], actions[2 * i + 1]};
             Vector answer = opponent(table, &law);
             drive(table, &law, LEFT, action);
             drive(table, &law, RIGHT, answer);
             int point = play_tick(table, &law, out.contacts + i * CONTACT_ROWS);
+            bool foul = false;
             if (point != 0)
                 table->score[point > 0 ? 0 : 1]++;
-            else if (keep_clock(table, &law))
+            else if ((foul = keep_clock(table, &law)))
                 serve(table, &law, -table->side);
             bool terminated = table->score[0] >= POINTS || table->score[1] >= POINTS;
             table->steps++;
             bool truncated = max_steps > 0 && table->steps >= max_steps && !terminated;
             table->success = terminated && point > 0;
             table->done = terminated || truncated;
+            out.n_contacts[i] = table->n_contacts;
+            out.point[i] = (int8_t)point;
+            out.foul[i] = foul;
             out.reward[i] = point;
             out.terminated[i] = terminated;
             out.truncated[i] = truncated;
@@ -513,7 +520,6 @@ void step_rows(int64_t first, int64_t last, Table *restrict tables, const Physic
                 observe(table, &law, out.final_observation + i * OBSERVATION_SIZE);
                 out.final_score[2 * i] = table->score[0];
                 out.final_score[2 * i + 1] = table->score[1];
-                out.final_contacts[i] = table->n_contacts;
                 begin(table, &law);
             }
         }
@@ -528,7 +534,9 @@ void reset_rows(int64_t first, int64_t last, Table *tables, const Physics *law, 
 {
     for (int64_t i = first; i < last; i++) {
         begin(&tables[i], law);
-        out->success[i] = false;
+        out->n_contacts[i] = 0;
+        out->point[i] = 0;
+        out->foul[i] = out->success[i] = false;
         observe(&tables[i], law, out->observation + i * OBSERVATION_SIZE);
         out->score[2 * i] = out->score[2 * i + 1] = 0;
     }

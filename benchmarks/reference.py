@@ -37,7 +37,7 @@ LAW = _part(
 )
 STATE = _part(TABLE, "position velocity plan stream n_contacts success steps clock score side done")
 OUTPUTS = (
-    *("observation", "final_observation", "score", "final_score", "final_contacts"),
+    *("observation", "final_observation", "score", "final_score", "n_contacts", "point", "foul"),
     *("success", "reward", "terminated", "truncated", "contacts"),
 )
 

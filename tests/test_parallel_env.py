@@ -215,7 +215,8 @@ def test_left_agent_is_the_player_of_the_single_environment(arguments):
         assert same(game.get_state(), single.get_state())
         assert (game.positions == single.positions).all() and (game.velocities == single.velocities).all()
         assert same(game.state(), states.observation[0])
-        seen["contacts"] += len(infos["left"]["contacts"])
+        assert same(game.contacts, single.contacts)
+        seen["contacts"] += len(game.contacts)
         seen["goals"] += abs(round(rewards["left"])) == 1
         if not game.agents:
             seen["ends"] += 1
@@ -284,8 +285,9 @@ def test_the_game_turned_by_180_degrees_is_the_game_with_the_players_swapped(tas
         for agent, other in (AGENTS, AGENTS[::-1]):
             assert same(infos[agent]["score"], theirs[4][other]["score"])
             assert infos[agent]["is_success"] is theirs[4][other]["is_success"]
-        contacts, reflected = infos["left"]["contacts"], theirs[4]["left"]["contacts"]
-        assert same(contacts.rows, infos["right"]["contacts"].rows) and len(contacts) == len(reflected)
+            assert infos[agent]["foul"] is theirs[4][other]["foul"]
+        contacts, reflected = game.contacts, mirror.contacts
+        assert len(contacts) == len(reflected)
         for field in ("x", "y", "nx", "ny"):
             assert (contacts[field] == -reflected[field]).all()
         assert same(contacts["impulse"], reflected["impulse"]) and same(contacts["time"], reflected["time"])

@@ -81,7 +81,11 @@ def test_native_batch_is_gymnasiums_batch_of_single_environments(name, mode, arg
         if len(ours) == 5:
             ends += ours[2].sum() + (ours[4]["score"].sum() if name == "AirHockeyMatch-v0" else 0)
             truncations += ours[3].sum()
-        contacts += sum(len(one) for one in ours[-1]["contacts"] if one is not None)
+        count = native.unwrapped.n_contacts
+        contacts += count.sum()
+        if mode != AutoresetMode.SAME_STEP:  # there the single environments have been reset meanwhile
+            rows = zip(native.unwrapped.contacts, count, strict=True)
+            assert same([row[:k] for row, k in rows], list(sync.get_attr("contacts")))
     assert min(ends, truncations) > 0 and contacts > 25
     sync.close()
 
@@ -132,7 +136,9 @@ def test_stable_baselines_batch_is_the_same_step_batch(arguments):
             assert same(detail.pop("score"), final["score"][i])
             for name, value in detail.pop("table", {}).items():
                 assert value == final["table"][name][i]
-            assert detail == {"TimeLimit.truncated": truncated[i], "is_success": final["is_success"][i]}
+            told = {name: final[name][i] for name in ("foul", "is_success")}
+            assert same(detail, {"TimeLimit.truncated": bool(truncated[i]), **told})
+        assert same((sb3.contacts, sb3.n_contacts), (envs.unwrapped.contacts, envs.unwrapped.n_contacts))
     assert ended > n
 
 
@@ -177,6 +183,10 @@ def test_every_face_gives_the_same_bits(name, obs_type, continuous, kind):
         done = terminated | truncated
         assert same(signals, [rewards, terminated, truncated])
         assert same((seen, earned, dones), (for_sb3(observations), rewards.astype(np.float32), done))
+        hits = [env.unwrapped.contacts for env in singles]
+        contacts += sum(map(len, hits))
+        for theirs in (batch.unwrapped, by_hand.unwrapped, sb3):
+            assert same([row[:k] for row, k in zip(theirs.contacts, theirs.n_contacts, strict=True)], hits)
         for i, (observation, reward, over, cut, info) in enumerate(results):
             assert (reward, over, cut and not over) == (rewards[i], terminated[i], truncated[i])
             assert same(observation, last[i])
@@ -190,7 +200,6 @@ def test_every_face_gives_the_same_bits(name, obs_type, continuous, kind):
                 assert same(info["score"], details[i]["score"]) and details[i].get("table", {}) == table
                 assert details[i]["is_success"] == info["is_success"]
                 assert same(singles[i].reset()[0], observations[i])
-            contacts += len(info["contacts"])
         if done.any():
             ends += done.sum()
             assert same(by_hand.reset(options={"reset_mask": done})[0], observations)
@@ -305,7 +314,7 @@ def test_reset_mask_touches_the_masked_tables_only():
     assert (envs.get_state()[~mask] == state[~mask]).all()
     assert same(after[~mask], before[~mask])
     assert (after[mask, 8] > 0.0).all() and (after[mask][:, [2, 3, 10, 11]] == 0.0).all()
-    for key in ("score", "contacts", "is_success"):
+    for key in ("score", "foul", "is_success"):
         assert infos[f"_{key}"].tolist() == mask.tolist()
     fresh = AirHockeyEnv()
     assert same(after[0], fresh.reset(seed=5, options={"serve": "right"})[0])

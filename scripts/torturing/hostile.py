@@ -96,7 +96,7 @@ def _play(tables, physics, settings, ranges, modes, whims, steps, before, action
             before[0] = table
             ax, ay = float(actions[LEFT, 0]), float(actions[LEFT, 1])
             bx, by = float(actions[RIGHT, 0]), float(actions[RIGHT, 1])
-            reward, _, terminated, truncated = step_table(table, law, rules, ax, ay, bx, by, contacts)
+            _, _, reward, _, terminated, truncated = step_table(table, law, rules, ax, ay, bx, by, contacts)
             failure = check_step(before[0], table, law, rules, contacts, reward, terminated, truncated, seen, tally)
             if failure != FINE:
                 return failure, i
