@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+
 from tests.ecosystem.page import IN_ANOTHER_ENVIRONMENT, run_section, sections
 
 
