@@ -184,7 +184,7 @@ def success_row(model: BaseAlgorithm, env: VecEnv, episodes: int, seed: int) -> 
 
     def note(local: dict[str, Any], _: dict[str, Any]) -> None:
         if local["done"]:
-            successes.append(bool(local["info"]["is_success"]))
+            successes.append(local["info"]["is_success"])
 
     env.seed(seed * 1_000_003)
     rewards, lengths = evaluate_policy(

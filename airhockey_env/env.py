@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import gymnasium as gym
-import numpy as np
 from numpy.typing import NDArray
 
 from airhockey_env.checks import check_seed
@@ -113,7 +112,7 @@ class AirHockeyEnv(TableFace, gym.Env):
     success; `max_episode_steps` changes that.
 
     ## Info
-    NumPy arrays and scalars of fixed shape and dtype: `score`: (2,) int32, own and opponent's. `foul`: bool, True on
+    Arrays and scalars of fixed shape and dtype: `score`: (2,) int32, own and opponent's. `foul`: bool, True on
     the step in which a shot clock ran out. `is_success`: bool, True on the step that ends the episode with success.
     With `randomize`, `table`: the values that were drawn, a dict from the fields' names to float64.
 
@@ -203,7 +202,7 @@ class AirHockeyEnv(TableFace, gym.Env):
         self._game.reset(options=checked)
         if self.render_mode == "human":
             self.render()
-        return self._observation(), self._info_of(self._game.tables["score"][0].copy(), np.False_)
+        return self._observation(), self._info_of(self._game.tables["score"][0].copy(), False)
 
     @one_at_a_time
     def step(self, action: Any) -> tuple[NDArray[Any], float, bool, bool, dict[str, Any]]:
@@ -216,7 +215,7 @@ class AirHockeyEnv(TableFace, gym.Env):
         game, out = self._game, self._game.out
         game.step(game.check_action(action))
         terminated = bool(out.terminated[0])
-        info = self._info_of(game.tables["score"][0].copy(), out.success[0])
+        info = self._info_of(game.tables["score"][0].copy(), bool(out.success[0]))
         if self.render_mode == "human":
             self.render()
         return self._observation(), float(out.reward[0]), terminated, bool(out.truncated[0]), info

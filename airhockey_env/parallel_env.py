@@ -271,8 +271,8 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
         score = game.tables["score"][0]
         over = not self.agents and bool(game.out.terminated[0])
         return {
-            "left": self._info_of(score.copy(), np.bool_(over and score[0] > score[1])),
-            "right": self._info_of(score[::-1].copy(), np.bool_(over and score[1] > score[0])),
+            "left": self._info_of(score.copy(), over and bool(score[0] > score[1])),
+            "right": self._info_of(score[::-1].copy(), over and bool(score[1] > score[0])),
         }
 
 

@@ -143,8 +143,8 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
                 "terminal_observation": final,
                 "TimeLimit.truncated": bool(out.truncated[i]),
                 "score": score,
-                "foul": out.foul[i],
-                "is_success": out.success[i],
+                "foul": bool(out.foul[i]),
+                "is_success": bool(out.success[i]),
             }
             if self._game.randomized:
                 infos[i]["table"] = {name: values[i] for name, values in drawn.items()}

@@ -89,7 +89,7 @@ def test_a_goal_ends_the_point(shot, sign):
     observation, reward, terminated, truncated, info = env.step(STILL)
     assert (reward, terminated, truncated) == (sign, True, False)
     assert info["score"].tolist() == [sign > 0, sign < 0] and info["score"].dtype == np.int32
-    assert info["is_success"] is np.bool_(sign > 0)
+    assert info["is_success"] is (sign > 0)
     assert observation[8] == sign  # the puck is shown on the goal line
 
 
