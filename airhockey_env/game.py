@@ -13,7 +13,16 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env import kernel
-from airhockey_env.checks import check_directions, check_number, check_rows, check_skill, check_velocities, check_whole
+from airhockey_env.checks import (
+    NO_LIMIT,
+    check_directions,
+    check_limit,
+    check_number,
+    check_rows,
+    check_skill,
+    check_velocities,
+    check_whole,
+)
 from airhockey_env.compiled import machine_code, records
 from airhockey_env.engine.records import CONTACT
 from airhockey_env.opponents import EXTERNAL
@@ -112,7 +121,7 @@ class Game:
         control_hz: float = 50,
         task: str = "point",
         points: int | None = None,
-        max_episode_steps: int | None = None,
+        max_episode_steps: int | None = NO_LIMIT,
         autoreset: int = AUTORESET_DISABLED,
         randomize: Mapping[str, Any] | None = None,
         num_threads: int | None = None,
@@ -133,7 +142,6 @@ class Game:
         self.continuous = bool(continuous)
         self.control_hz = check_number("control_hz", control_hz, *CONTROL_HZ)
         skill = check_skill(opponent_skill, self.num_tables)
-        max_steps = 0 if max_episode_steps is None else check_whole("max_episode_steps", max_episode_steps, 1)
         self.num_threads = (os.cpu_count() or 1) if num_threads is None else check_whole("num_threads", num_threads, 1)
         self._threads: ThreadPoolExecutor | None = None
 
@@ -147,7 +155,7 @@ class Game:
             raise ValueError(f"task must be one of {sorted(TASKS)}, got {task!r}")
         self.settings["task"] = TASKS[task].number
         self.settings["points"] = TASKS[task].points if points is None else check_whole("points", points, 1)
-        self.settings["max_steps"] = max_steps
+        self.settings["max_steps"] = check_limit(max_episode_steps, TASKS[task].max_episode_steps)
         self.settings["shaped"] = reward == "shaped"
         self.settings["autoreset"] = autoreset
         self.settings["randomized"] = bool(self.randomized)

@@ -38,7 +38,7 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
 
     Args:
         num_envs: number of tables.
-        max_episode_steps: steps after which an episode is truncated, or None.
+        max_episode_steps: steps after which an episode is truncated; None: those of the task's id; -1: no limit.
         render_mode: None or `"rgb_array"`.
         render_size: as in `AirHockeyEnv`.
         opponent: as in `AirHockeyEnv`, or a sequence: a pool that the tables share and that can be changed while
@@ -53,7 +53,7 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
         num_envs: int,
         *,
         opponent: Opponent | Sequence[Opponent] = "striker",
-        max_episode_steps: int | None = 1500,
+        max_episode_steps: int | None = None,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
         **arguments: Any,

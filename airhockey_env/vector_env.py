@@ -34,7 +34,7 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
 
     Args:
         num_envs: number of tables.
-        max_episode_steps: steps after which an episode is truncated, or None.
+        max_episode_steps: steps after which an episode is truncated; None: those of the task's id; -1: no limit.
         autoreset_mode: `NEXT_STEP` (the default), `SAME_STEP` or `DISABLED`, as a `gymnasium.vector.AutoresetMode` or
             its value. With `DISABLED`, reset the tables that are done by `reset(options={"reset_mask": mask})`.
         num_threads: threads that share a large batch; None takes all cores. The results do not depend on it.
@@ -61,7 +61,7 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
         self,
         num_envs: int = 1,
         *,
-        max_episode_steps: int | None = 1500,
+        max_episode_steps: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         num_threads: int | None = None,
         task: str = "point",
