@@ -8,7 +8,7 @@ from typing import Any
 import gymnasium as gym
 from numpy.typing import NDArray
 
-from airhockey_env.checks import NO_LIMIT, check_seed
+from airhockey_env.checks import NO_LIMIT, check_number, check_seed
 from airhockey_env.face import TableFace
 from airhockey_env.game import Game
 from airhockey_env.players import Policy, check_opponent
@@ -213,6 +213,23 @@ class AirHockeyEnv(TableFace, gym.Env):
         if self.render_mode == "human":
             self.render()
         return self._observation(), float(out.reward[0]), terminated, bool(out.truncated[0]), info
+
+    @property
+    def opponent_skill(self) -> float:
+        """The share of its speed that a scripted opponent uses, 0 to 1; it can be set, as by `set_opponent_skill`."""
+        return float(self._game.tables["skill"][0, 1])
+
+    @opponent_skill.setter
+    def opponent_skill(self, skill: float) -> None:
+        self.set_opponent_skill(skill)
+
+    def set_opponent_skill(self, skill: float) -> None:
+        """Set the share of its speed that a scripted opponent uses, from the next step on.
+
+        Raises:
+            ValueError: it is not a number from 0 to 1. Nothing has changed then.
+        """
+        self._game.set_opponent_skill(check_number("opponent_skill", skill, 0.0, 1.0))
 
     def observe(self) -> NDArray[Any]:
         """The observation of the table as it is now, without a step: what `reset` or `step` returned or, after

@@ -173,6 +173,10 @@ class BatchFace(Face):
             return None
         return [draw_row(self._renderer, self._game, i) for i in range(self._game.num_tables)]
 
+    def _render_row(self, row: int) -> Any:
+        """What is rendered of one table, or None without a render_mode."""
+        return None if self._renderer is None else draw_row(self._renderer, self._game, row)
+
 
 def make_renderer(spec: TableSpec, size: tuple[int, int] | None) -> Any:
     """A `Renderer`; imported here, so that playing without pictures does not load it."""

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium import Space
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +19,7 @@ from airhockey_env.players import Opponent, check_opponent
 from airhockey_env.pool import OpponentPool
 from airhockey_env.records import AUTORESET_DISABLED, AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP
 from airhockey_env.spaces import action_space, observation_space
+from airhockey_env.table_view import of_tables, set_of_tables
 from airhockey_env.tables import TableSpec
 
 _AUTORESET = {
@@ -157,6 +159,45 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
         """A picture of every table, each (height, width, 3) uint8."""
         pictures = self._pictures()
         return None if pictures is None else tuple(pictures)
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """Of every table, an attribute, or what a method returns for these arguments; as `SyncVectorEnv.call`.
+
+        A table has what is its own of an `AirHockeyEnv`, such as `positions`, `table` or `get_state`; see
+        `airhockey_env.table_view.TableView`.
+
+        Raises:
+            AttributeError: a table has none of this name.
+        """
+        found = of_tables(self, name, range(self.num_envs))
+        return tuple(one(*args, **kwargs) if callable(one) else one for one in found)
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """An attribute of every table; as `SyncVectorEnv.get_attr`.
+
+        Raises:
+            AttributeError: a table has none of this name.
+        """
+        return self.call(name)
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Set an attribute of every table (`"opponent_skill"` is the one that can be set); as `SyncVectorEnv.set_attr`.
+
+        Args:
+            name: of the attribute.
+            values: a list or a tuple with one value for each table, or one value for all.
+
+        Raises:
+            AttributeError: it cannot be set.
+            ValueError: a value will not do, or there are not as many as tables. Nothing has changed then.
+        """
+        each = list(values) if isinstance(values, (list, tuple)) else [values] * self.num_envs
+        if len(each) != self.num_envs:
+            raise ValueError(f"values must hold one for each of {self.num_envs} tables, got {len(each)}")
+        set_of_tables(self, name, each, np.arange(self.num_envs))
+
+    def _spaces_of_a_table(self) -> tuple[Space[Any], Space[Any]]:
+        return self.single_observation_space, self.single_action_space
 
     def _infos(self, mask: NDArray[np.bool_] | None) -> dict[str, Any]:
         """Infos of all tables, or of those of the mask."""
