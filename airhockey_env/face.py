@@ -74,7 +74,7 @@ class TableFace(Face):
     def render(self) -> NDArray[np.uint8] | None:
         """The picture as (height, width, 3) uint8 in `"rgb_array"` mode; shows it in a window in `"human"` mode."""
         if self._renderer is None:
-            logger.warn("render() needs a render_mode: make the environment with render_mode='rgb_array'")
+            warn_of_no_render_mode()
             return None
         frame = draw_row(self._renderer, self._game, 0)
         if self.render_mode == "rgb_array":
@@ -167,15 +167,17 @@ class BatchFace(Face):
         game.check_begun(rows)
         return game.observations() if indices is None else game.shown(game.out.observation[rows], rows)
 
-    def _pictures(self) -> list[NDArray[np.uint8]] | None:
-        """A picture of every table, or None without a render_mode."""
-        if self._renderer is None:
-            return None
-        return [draw_row(self._renderer, self._game, i) for i in range(self._game.num_tables)]
-
     def _render_row(self, row: int) -> Any:
         """What is rendered of one table, or None without a render_mode."""
-        return None if self._renderer is None else draw_row(self._renderer, self._game, row)
+        if self._renderer is None:
+            warn_of_no_render_mode()
+            return None
+        return draw_row(self._renderer, self._game, row)
+
+
+def warn_of_no_render_mode() -> None:
+    """Say why there is nothing to see."""
+    logger.warn("render() needs a render_mode: make the environment with render_mode='rgb_array'")
 
 
 def make_renderer(spec: TableSpec, size: tuple[int, int] | None) -> Any:

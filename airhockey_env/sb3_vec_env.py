@@ -184,11 +184,10 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
 
     def get_images(self) -> Sequence[np.ndarray | None]:
         """A picture of every table; without a render_mode, a warning and None for every table."""
-        pictures = self._pictures()
-        if pictures is None:
+        if self.render_mode is None:
             warnings.warn("get_images() needs render_mode='rgb_array', got render_mode=None", stacklevel=2)
             return [None] * self.num_envs
-        return pictures
+        return [self._render_row(row) for row in range(self.num_envs)]
 
     def close(self) -> None:
         """Nothing is held open."""
