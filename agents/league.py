@@ -23,6 +23,7 @@ from agents.files import read_json, write_json
 from agents.models import export_policy
 from airhockey_env.players import Opponent
 from airhockey_env.policy import MlpPolicy
+from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 
 WINDOW = 400
 """Points over which a member's record is averaged."""
@@ -93,6 +94,12 @@ class League(BaseCallback):
         # The latest self's place is somebody's who is replaced before he plays.
         return ("idle", *self.scripted, *(self.past[number] for number in sorted(self.past)))
 
+    @property
+    def tables(self) -> AirHockeySB3VecEnv:
+        """The batch that the agent trains on, whatever wraps it."""
+        batch: Any = self.training_env.unwrapped
+        return batch
+
     def draw(self, number: int) -> np.ndarray:
         """(number,) places in the pool of opponents for that many episodes."""
         priorities = np.array([member.priority for member in self.members])
@@ -108,11 +115,11 @@ class League(BaseCallback):
         return self.random.choice(len(self.members), number, p=shares)
 
     def _on_training_start(self) -> None:
-        self.training_env.env_method("set_opponents", self.draw(self.training_env.num_envs))
+        self.tables.set_opponents(self.draw(self.tables.num_envs))
 
     def _on_rollout_start(self) -> None:
         latest = export_policy(self.model)
-        self.training_env.env_method("set_opponent", 0, latest)
+        self.tables.set_opponent(0, latest)
         if self.num_timesteps >= self.due:
             self.due = self.num_timesteps + self.snapshot_every
             self.take_in(f"self at {self.num_timesteps}", latest)
@@ -122,12 +129,12 @@ class League(BaseCallback):
     def _on_step(self) -> bool:
         rows = np.flatnonzero(self.locals["dones"])
         if len(rows):
-            numbers = self.training_env.get_attr("opponent_indices", 0)[0][rows]
+            numbers = self.tables.opponent_indices[rows]
             for row, number in zip(rows, numbers, strict=True):
                 info = self.locals["infos"][row]
                 drawn = info["TimeLimit.truncated"]
                 self.members[number].record(0.5 if drawn else float(info["is_success"]), float(drawn))
-            self.training_env.env_method("set_opponents", self.draw(len(rows)), rows)
+            self.tables.set_opponents(self.draw(len(rows)), rows)
         return True
 
     def take_in(self, name: str, policy: MlpPolicy) -> None:
@@ -135,11 +142,11 @@ class League(BaseCallback):
         if len(self.past) < self.most_past_selves:
             number = len(self.members)
             self.members.append(Member(name))
-            self.training_env.env_method("add_opponent", policy)
+            self.tables.add_opponent(policy)
         else:
             number = max(self.past, key=lambda k: self.members[k].won)
             self.members[number] = Member(name)
-            self.training_env.env_method("set_opponent", number, policy)
+            self.tables.set_opponent(number, policy)
         self.past[number] = policy
 
     def save(self, folder: Path) -> None:

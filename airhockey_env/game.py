@@ -11,7 +11,16 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env import kernel
-from airhockey_env.checks import check_directions, check_number, check_rows, check_skill, check_velocities, check_whole
+from airhockey_env.checks import (
+    NO_LIMIT,
+    check_directions,
+    check_limit,
+    check_number,
+    check_rows,
+    check_skill,
+    check_velocities,
+    check_whole,
+)
 from airhockey_env.compiled import machine_code, records
 from airhockey_env.engine.records import CONTACT
 from airhockey_env.opponents import EXTERNAL
@@ -112,7 +121,7 @@ class Game:
         control_hz: float = 50,
         task: str = "point",
         points: int | None = None,
-        max_episode_steps: int | None = None,
+        max_episode_steps: int | None = NO_LIMIT,
         autoreset: int = AUTORESET_DISABLED,
         randomize: Mapping[str, Any] | None = None,
         num_threads: int | None = None,
@@ -133,7 +142,6 @@ class Game:
         self.continuous = bool(continuous)
         self.control_hz = check_number("control_hz", control_hz, *CONTROL_HZ)
         skill = check_skill(opponent_skill, self.num_tables)
-        max_steps = 0 if max_episode_steps is None else check_whole("max_episode_steps", max_episode_steps, 1)
         self.threads = Threads(None if num_threads is None else check_whole("num_threads", num_threads, 1))
 
         self.ranges = check_ranges(self.spec, {} if randomize is None else randomize)
@@ -146,7 +154,7 @@ class Game:
             raise ValueError(f"task must be one of {sorted(TASKS)}, got {task!r}")
         self.settings["task"] = TASKS[task].number
         self.settings["points"] = TASKS[task].points if points is None else check_whole("points", points, 1)
-        self.settings["max_steps"] = max_steps
+        self.settings["max_steps"] = check_limit(max_episode_steps, TASKS[task].max_episode_steps)
         self.settings["shaped"] = reward == "shaped"
         self.settings["autoreset"] = autoreset
         self.settings["randomized"] = bool(self.randomized)
@@ -366,6 +374,10 @@ class Game:
         contacts = np.array(self.out.contacts, CONTACT, subok=False)
         contacts[np.arange(CONTACT_ROWS) >= self.out.n_contacts[:, np.newaxis]] = 0
         return contacts
+
+    def contacts_of(self, i: int) -> NDArray[np.void]:
+        """The contacts of the last step on table i, in the order of time, a copy: (n,) records of `CONTACT`."""
+        return np.array(self.out.contacts[i, : self.out.n_contacts[i]], CONTACT, subok=False)
 
     def get_state(self, indices: ArrayLike | None = None) -> NDArray[np.void]:
         """A copy of everything that decides what happens next on the given tables; None for all.

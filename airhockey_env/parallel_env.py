@@ -87,14 +87,14 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
     ## Arguments
     | argument | values | default |
     |---|---|---|
-    | `task` | `"point"` or `"match"` (first to 7; give it more steps) | `"point"` |
+    | `task` | `"point"` or `"match"` (first to 7) | `"point"` |
     | `table` | `"full_size"`, `"challenge"`, `"ideal"` or a `TableSpec` | `"full_size"` |
     | `obs_type` | `"state"`, `"rgb"` or `"grayscale"`, as in `AirHockeyEnv` | `"state"` |
     | `continuous` | True or False, see above | True |
     | `reward` | `"sparse"` or `"shaped"` | `"sparse"` |
     | `control_hz` | 10 to 240: control steps per second | 50 |
     | `randomize` | None, or a mapping from `TableSpec` fields to (low, high): drawn anew for every episode | None |
-    | `max_episode_steps` | whole number or None: steps after which an episode is truncated | 1500 |
+    | `max_episode_steps` | steps that truncate an episode; None: 1500, in a match 15000; -1: no limit | None |
     | `render_mode` | None, `"rgb_array"`, `"human"` | None |
     | `render_size` | (width, height) px or None | None |
 
@@ -121,7 +121,7 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
         reward: str = "sparse",
         control_hz: float = 50,
         randomize: Mapping[str, tuple[float, float]] | None = None,
-        max_episode_steps: int | None = 1500,
+        max_episode_steps: int | None = None,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
     ) -> None:

@@ -46,7 +46,7 @@ VARIANTS = [
     {},
     {"continuous": False},
     {"reward": "shaped"},
-    {"task": "match", "max_episode_steps": None},
+    {"task": "match", "max_episode_steps": -1},
     *({"table": name} for name in PRESETS),
     *({"control_hz": rate} for rate in (10, 240)),
     {**PICTURES, "max_episode_steps": 9},
@@ -147,7 +147,7 @@ def test_arguments_are_those_of_the_single_environment():
     for name, parameter in ours.items():
         if name != "max_episode_steps":
             assert parameter.default == theirs[name].default, name
-    assert ours["max_episode_steps"].default == 1500
+    assert ours["max_episode_steps"].default is None
     documented = re.findall(r"^ *\| `(\w+)` \|.*\| `?\"?(.*?)\"?`? \|$", AirHockeyParallelEnv.__doc__, re.MULTILINE)
     assert documented == [(name, str(parameter.default)) for name, parameter in ours.items()]
 
@@ -384,7 +384,7 @@ def test_after_the_end():
 
 
 def test_a_match_is_first_to_seven():
-    game = AirHockeyParallelEnv(task="match", max_episode_steps=None, reward="sparse")
+    game = AirHockeyParallelEnv(task="match", max_episode_steps=-1, reward="sparse")
     game.reset(seed=1)
     state = AirHockeyParallelEnv(task="match")
     state.reset(seed=0, options=SHOT)
@@ -490,7 +490,7 @@ ARGUMENTS = [
     *(("continuous", value) for value in (1, "yes", None)),
     *(("reward", value) for value in ("Sparse", None, [])),
     *(("control_hz", value) for value in (9.99, 240.01, NAN, "50", None, True)),
-    *(("max_episode_steps", value) for value in (0, 1.5, "9", NAN, True)),
+    *(("max_episode_steps", value) for value in (0, -2, 1.5, -1.0, "9", NAN, True)),
     *(("render_mode", value) for value in ("rgb", "ansi", 1)),
     *(("render_size", value) for value in ((64,), (64, 0), "big")),
 ]

@@ -338,7 +338,7 @@ def test_occlusion_near_the_opponents_paddle():
     ids=["fast", "slow", "odd", "late"],
 )
 def test_frames_are_never_lost_on_their_way(camera, control_hz):
-    envs = sense(AirHockeyVectorEnv(8, control_hz=control_hz, max_episode_steps=None), camera)
+    envs = sense(AirHockeyVectorEnv(8, control_hz=control_hz, max_episode_steps=-1), camera)
     observations, _ = envs.reset(seed=0)
     memory = envs._sight._memory
     most = 0
