@@ -87,7 +87,7 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
     | argument | values | default |
     |---|---|---|
     | `task` | `"point"` or `"match"` (first to 7) | `"point"` |
-    | `table` | `"full_size"`, `"challenge"`, `"ideal"` or a `TableSpec` | `"full_size"` |
+    | `table` | `"full_size"`, `"challenge"`, `"ideal"`, a `TableSpec`, or a mapping of its fields | `"full_size"` |
     | `obs_type` | `"state"`, `"rgb"` or `"grayscale"`, as in `AirHockeyEnv` | `"state"` |
     | `continuous` | True or False, see above | True |
     | `reward` | `"sparse"` or `"shaped"` | `"sparse"` |
@@ -114,7 +114,7 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
         self,
         *,
         task: str = "point",
-        table: str | TableSpec = "full_size",
+        table: str | TableSpec | Mapping[str, float] = "full_size",
         obs_type: str = "state",
         continuous: bool = True,
         reward: str = "sparse",
