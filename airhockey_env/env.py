@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from airhockey_env.checks import NO_LIMIT, check_number, check_seed
 from airhockey_env.face import TableFace
 from airhockey_env.game import Game
-from airhockey_env.players import Policy, check_opponent
+from airhockey_env.players import Opponent, check_opponent
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.tables import TableSpec
 from airhockey_env.threads import one_at_a_time
@@ -123,9 +123,9 @@ class AirHockeyEnv(TableFace, gym.Env):
     | argument | values | default |
     |---|---|---|
     | `task` | `"point"`, `"match"`, `"hit"`, `"defend"`; each registered id sets it, with the opponent and the limit above; alone it leaves these as they are | `"point"` |
-    | `opponent` | `"idle"`, `"random"`, `"goalie"`, `"striker"`, the trained `"adept"` and `"expert"`, or a callable: float32 observations (N, 13) from its own side to actions (N, 2) | `"striker"` |
+    | `opponent` | `"idle"`, `"random"`, `"goalie"`, `"striker"`, the trained `"adept"` and `"expert"`, the path of a `policy.npz` or of a run's folder, or a callable: float32 observations (N, 13) from its own side to actions (N, 2) | `"striker"` |
     | `opponent_skill` | 0 to 1: share of its paddle's speed that a scripted opponent uses | 1.0 |
-    | `table` | `"full_size"`, `"challenge"`, `"ideal"` or a `TableSpec` | `"full_size"` |
+    | `table` | `"full_size"`, `"challenge"`, `"ideal"`, a `TableSpec`, or a mapping of its fields | `"full_size"` |
     | `obs_type` | `"state"`, `"rgb"`, `"grayscale"`, see above; a callable opponent sees states all the same | `"state"` |
     | `continuous` | True or False, see above | True |
     | `reward` | `"sparse"` or `"shaped"` | `"sparse"` |
@@ -147,9 +147,9 @@ class AirHockeyEnv(TableFace, gym.Env):
         self,
         *,
         task: str = "point",
-        opponent: str | Policy = "striker",
+        opponent: Opponent = "striker",
         opponent_skill: float = 1.0,
-        table: str | TableSpec = "full_size",
+        table: str | TableSpec | Mapping[str, float] = "full_size",
         obs_type: str = "state",
         continuous: bool = True,
         reward: str = "sparse",

@@ -26,7 +26,18 @@ from airhockey_env.engine.records import CONTACT
 from airhockey_env.opponents import EXTERNAL
 from airhockey_env.physics import FIELDS, check_ranges, physics_record, spec_of, with_spec
 from airhockey_env.pixels import CHANNELS, Pixels
-from airhockey_env.players import Group, Opponent, answers_of, check_opponent, groups_of, number_of, pool_of, scripted
+from airhockey_env.players import (
+    Group,
+    Opponent,
+    Policy,
+    answers_of,
+    check_opponent,
+    groups_of,
+    member_of,
+    number_of,
+    pool_of,
+    scripted,
+)
 from airhockey_env.random_stream import stream_from_seed
 from airhockey_env.records import (
     AUTORESET_DISABLED,
@@ -111,7 +122,7 @@ class Game:
         self,
         num_tables: int,
         *,
-        table: str | TableSpec = "full_size",
+        table: str | TableSpec | Mapping[str, float] = "full_size",
         player: str | None = None,
         opponent: Opponent | Sequence[Opponent] | None = "striker",
         opponent_skill: ArrayLike = 1.0,
@@ -267,8 +278,8 @@ class Game:
         self.threads.share(n, ROWS_PER_THREAD, self._step_rows, targets, others)
 
     @property
-    def opponents(self) -> tuple[Opponent, ...]:
-        """The pool of opponents; with `opponent=None`, empty."""
+    def opponents(self) -> tuple[str | Policy, ...]:
+        """The pool of opponents: names, and policies (those of files too); with `opponent=None`, empty."""
         return tuple(member for member in self._pool if member is not None)
 
     def set_opponents(self, indices: ArrayLike, tables: ArrayLike | None = None) -> None:
@@ -303,8 +314,7 @@ class Game:
         """
         self._check_one_player()
         index = check_whole("index", index, 0, len(self._pool) - 1)
-        number_of(check_opponent(opponent))
-        self._pool[index] = opponent
+        self._pool[index] = member_of(check_opponent(opponent))
         self._seat(np.flatnonzero(self.tables["opponent"] == index))
 
     def add_opponent(self, opponent: Opponent) -> int:
@@ -314,8 +324,7 @@ class Game:
             ValueError: no such opponent. Nothing has changed then.
         """
         self._check_one_player()
-        number_of(check_opponent(opponent))
-        self._pool.append(opponent)
+        self._pool.append(member_of(check_opponent(opponent)))
         self._seat(self.check_rows([]))
         return len(self._pool) - 1
 

@@ -71,7 +71,7 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
         task: str = "point",
         opponent: Opponent | Sequence[Opponent] = "striker",
         opponent_skill: ArrayLike = 1.0,
-        table: str | TableSpec = "full_size",
+        table: str | TableSpec | Mapping[str, float] = "full_size",
         obs_type: str = "state",
         continuous: bool = True,
         reward: str = "sparse",

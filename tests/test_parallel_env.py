@@ -9,6 +9,7 @@ import re
 import sys
 import warnings
 from collections import Counter
+from functools import partial
 
 import gymnasium as gym
 import numpy as np
@@ -26,11 +27,12 @@ pytest.importorskip("pettingzoo")
 
 from pettingzoo.utils import aec_to_parallel
 
-from airhockey_env.parallel_env import AGENTS, TASKS, AirHockeyParallelEnv, env, parallel_env
+from airhockey_env.parallel_env import AGENTS, TASKS, AirHockeyParallelEnv, env, parallel_env, raw_env
 
 with warnings.catch_warnings():  # on importing its own old environments
     warnings.simplefilter("ignore", DeprecationWarning)
-    from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, render_test, seed_test
+    from pettingzoo.test import api_test, max_cycles_test, parallel_api_test, parallel_seed_test, render_test, seed_test
+    from pettingzoo.test.save_obs_test import test_save_obs as save_obs_test
     from pettingzoo.test.state_test import state_test
 
 NAN, INF = math.nan, math.inf
@@ -121,6 +123,31 @@ def test_pettingzoo_has_no_complaint(arguments, capsys):
 @pytest.mark.parametrize("arguments", [{}, {"continuous": False, "reward": "shaped"}, {"task": "match"}], ids=str)
 def test_pettingzoo_has_no_complaint_agent_by_agent(arguments, capsys):
     api_test(env(**arguments), num_cycles=400)
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_pettingzoo_has_no_complaint_of_its_limit(task):
+    """Its own test takes a module; PettingZoo calls the argument `max_cycles`."""
+
+    class Module:
+        parallel_env = staticmethod(partial(parallel_env, task=task))
+        env = staticmethod(partial(env, task=task))
+
+    max_cycles_test(Module)
+    for make in (parallel_env, env, raw_env):
+        assert make(max_cycles=9).unwrapped.state_space == parallel_env().state_space
+        with pytest.raises(ValueError, match=r"^max_cycles must be "):
+            make(max_cycles=0)
+        with pytest.raises(ValueError, match="max_episode_steps"):
+            make(max_cycles=9, max_episode_steps=9)
+
+
+def test_pettingzoo_saves_pictures(tmp_path, monkeypatch):
+    pytest.importorskip("PIL")
+    monkeypatch.chdir(tmp_path)
+    for obs_type in ("rgb", "grayscale"):
+        save_obs_test(env(obs_type=obs_type))
+        assert len(list(tmp_path.rglob("*.png"))) == 2
 
 
 def test_it_says_what_it_is():
