@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +24,7 @@ from agents.algorithms_report import draw_run, print_run
 from agents.checks import check_ranges
 from agents.evaluation import CONTROL_HZ, wilson_interval
 from agents.files import write_json
+from agents.literals import read_kwargs
 from agents.runs import Clock, Records, RunFolder, logger, save, until_ctrl_c
 from airhockey_env.game import OBS_TYPES
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
@@ -50,7 +50,7 @@ class AlgorithmArgs:
     obs_type: str = "state"
     """"state"; or "rgb" or "grayscale": pictures, for which only PPO has hyperparameters."""
     hyperparams: Path | None = None
-    """File in RL-Zoo's format, with a section for the environment. It may hold Python: open only files you trust.
+    """File in RL-Zoo's format, with a section for the environment.
     Default: agents/hyperparams/ALGO.yml, for pictures ALGO_pixels.yml."""
     name: str | None = None
     """Name of the run's folder under runs/. Default: the algorithm and the time."""
@@ -66,6 +66,9 @@ class AlgorithmArgs:
     """Episodes of the one at the end."""
     threads: int = 1
     """Of torch."""
+    trust: bool = False
+    """Run `policy_kwargs` of --hyperparams as Python where it is more than plain values, as RL-Zoo does: only for files
+    of people you trust."""
 
     def check(self) -> None:
         """Refuse what no run can have, before anything is written.
@@ -108,8 +111,11 @@ class _Linear:
         return self.start * remaining
 
 
-def read_hyperparameters(path: Path, env_id: str) -> Hyperparameters:
-    """Read the section of an environment, as RL-Zoo does: `policy_kwargs` is evaluated as Python if it is a string.
+def read_hyperparameters(path: Path, env_id: str, trust: bool = False) -> Hyperparameters:
+    """Read the section of an environment in RL-Zoo's format.
+
+    Args:
+        trust: run `policy_kwargs` as Python, as RL-Zoo does, where it is more than plain values (see `read_kwargs`).
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -119,18 +125,17 @@ def read_hyperparameters(path: Path, env_id: str) -> Hyperparameters:
         raise FileNotFoundError(f"there is no file {path} of hyperparameters")
     try:
         sections = yaml.safe_load(path.read_text())
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, UnicodeDecodeError, ValueError, TypeError, RecursionError) as error:
         raise ValueError(f"{path} is not a YAML file: {error}") from error
     if not isinstance(sections, dict) or not isinstance(sections.get(env_id), dict):
-        has = sorted(sections) if isinstance(sections, dict) else "none"
+        has = sorted(map(str, sections)) if isinstance(sections, dict) else "none"
         raise ValueError(f"--env must have a section in {path}, got {env_id!r}; it has {has}")
     section = dict(sections[env_id])
     try:
         n_timesteps, n_envs = int(section.pop("n_timesteps")), int(section.pop("n_envs", 1))
         frame_stack, env_kwargs = section.pop("frame_stack", None), dict(section.pop("env_kwargs", {}))
         if isinstance(section.get("policy_kwargs"), str):
-            names = {"nn": torch.nn, "th": torch, "importlib": importlib}
-            section["policy_kwargs"] = eval(section["policy_kwargs"], names)
+            section["policy_kwargs"] = read_kwargs(section["policy_kwargs"], trust)
         for name in ("learning_rate", "clip_range"):
             if isinstance(section.get(name), str):
                 kind, start = section[name].split("_")
@@ -244,7 +249,7 @@ def train(args: AlgorithmArgs) -> RunFolder:
     torch.set_num_threads(args.threads)
     pixels = args.obs_type != "state"
     path = args.hyperparams or HYPERPARAMS / f"{args.algo}{'_pixels' if pixels else ''}.yml"
-    hyperparameters = read_hyperparameters(path, args.env)
+    hyperparameters = read_hyperparameters(path, args.env, args.trust)
     if pixels:
         hyperparameters.env_kwargs["obs_type"] = args.obs_type
     steps = args.steps or hyperparameters.n_timesteps
@@ -255,6 +260,7 @@ def train(args: AlgorithmArgs) -> RunFolder:
     history: dict[str, Any] = {"evaluations": [], "updates": []}
     save(folder, model, history)
     settings = {**dataclasses.asdict(args), "steps": steps, "hyperparams": str(path)}
+    del settings["trust"]  # is asked for anew
     write_json(folder.config, {**settings, "section": hyperparameters.section})
     print(f"{folder.path}: {steps:,} steps of {args.env} with {args.algo}. Ctrl-C stops early and keeps everything.")
     clock = Clock(0.0)

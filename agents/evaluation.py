@@ -10,13 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.models import Player, join, seated
 from airhockey_env.game import Game
 from airhockey_env.players import NAMES
 from airhockey_env.records import AUTORESET_NEXT_STEP, LEFT, RIGHT
 from airhockey_env.tasks import TASKS
-from airhockey_env.trained import resolved
-
-Policy = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 
 Watch = Callable[[Game, int], Callable[[NDArray[np.bool_]], None]]
 """What looks on: called with a game that is about to begin and the side (LEFT or RIGHT) of the player in question; what
@@ -118,8 +116,8 @@ def wilson_interval(successes: int, trials: int, z: float = 1.959963984540054) -
 
 
 def play_points(
-    policy: Policy | str,
-    opponent: Policy | str,
+    policy: Player,
+    opponent: Player,
     points: int,
     *,
     name: str | None = None,
@@ -136,7 +134,8 @@ def play_points(
     takes long, a progress bar shows.
 
     Args:
-        policy: a callable from float32 observations (N, 13) to actions (N, 2), or a named opponent's name.
+        policy: a callable from float32 observations (N, 13) to actions (N, 2), a `ModelPlayer`, or a named opponent's
+            name.
         opponent: likewise.
         points: how many; rounded up to an even number.
         name: the opponent's, in the result; by default that of a scripted one.
@@ -153,7 +152,7 @@ def play_points(
         raise ValueError(f"points must be 1 or more, got {points}")
     if name is None:
         name = opponent if isinstance(opponent, str) else "a policy"
-    policy, opponent = resolved(policy), resolved(opponent)
+    policy, opponent = seated(policy), seated(opponent)
     half = (points + 1) // 2
     wins = losses = draws = steps = 0
     with tqdm(total=2 * half, unit="point", desc=f"against {name}", delay=2.0, leave=False, disable=None) as bar:
@@ -171,6 +170,7 @@ def play_points(
                     max_episode_steps=max_episode_steps,
                     autoreset=AUTORESET_NEXT_STEP,
                 )
+                join(game, left, right)
                 game.tables["skill"][:, own], game.tables["skill"][:, 1 - own] = 1.0, opponent_skill
                 game.seed([seed * 1_000_003 + 2 * k + own for k in rows])
                 game.reset()
@@ -192,7 +192,7 @@ def play_points(
 
 
 def play_task(
-    policy: Policy | str,
+    policy: Player,
     task: str,
     episodes: int,
     *,
@@ -218,9 +218,9 @@ def play_task(
         raise ValueError(f"task must be one of {SOLO_TASKS}, got {task!r}")
     if episodes < 1:
         raise ValueError(f"episodes must be 1 or more, got {episodes}")
-    policy = resolved(policy)
-    named = policy if isinstance(policy, str) else None
-    asked = None if isinstance(policy, str) else policy
+    player = seated(policy)
+    named = player if isinstance(player, str) else None
+    asked = None if isinstance(player, str) else player
     successes = failures = timeouts = steps = 0
     with tqdm(total=episodes, unit="episode", desc=task, delay=2.0, leave=False, disable=None) as bar:
         for first in range(0, episodes, TABLES_AT_ONCE):
@@ -235,6 +235,7 @@ def play_task(
                 control_hz=CONTROL_HZ,
                 autoreset=AUTORESET_NEXT_STEP,
             )
+            join(game, player)
             game.seed([seed * 1_000_003 + k for k in rows])
             game.reset()
             note = watch(game, LEFT) if watch is not None else None

@@ -19,8 +19,9 @@ from agents.evaluation import OPPONENTS, play_points
 from agents.features import RelativeFeatures
 from agents.files import read_json, write_json
 from agents.league import League
-from agents.models import export_policy, load_ppo
+from agents.models import export_policy
 from agents.runs import Clock, Records, RunFolder, logger, save, until_ctrl_c
+from agents.sb3_files import load_weights, read_model
 from airhockey_env.players import Opponent
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import PRESETS
@@ -247,7 +248,8 @@ def train(args: TrainArgs) -> RunFolder:
         except (TypeError, KeyError) as error:
             raise ValueError(f"{folder.path} cannot be resumed, its files do not fit: {error}") from error
         args.check()
-        model, league = load_ppo(folder.model, make_env(args)), args.league()
+        model, league = make_model(args, make_env(args)), args.league()
+        load_weights(model, folder.model)
         if asked is not None and model.num_timesteps >= asked + args.num_envs * args.n_steps:
             raise ValueError(f"the run has {model.num_timesteps:,} steps: --steps must be more, got {asked:,}")
         if league is not None:
@@ -302,7 +304,7 @@ def _take_over(model: PPO, folder: RunFolder) -> None:
     Raises:
         ValueError: it is of another shape.
     """
-    network = {**load_ppo(folder.model).policy.state_dict(), "log_std": model.policy.log_std}
+    network = {**read_model(folder.model).params["policy"], "log_std": model.policy.log_std}
     try:
         model.policy.load_state_dict(network)
     except RuntimeError as error:
