@@ -47,7 +47,7 @@ class TrainArgs:
     """Whom to play against, on as many tables each; name one twice to meet it twice as often."""
     warmup_steps: int | None = None
     """Steps of shooting practice (the task "hit") at first, at most. Without practice, agents learn to defend and to
-    wait, not to shoot. Default: a fifth of --steps, but no more than 4 million."""
+    wait, not to shoot. Default: half of --steps, but no more than 4 million."""
     warmup_success: float = 0.8
     """Practice is over as soon as this share of its last 500 episodes succeeds."""
     opponent: str = "striker"
@@ -65,7 +65,7 @@ class TrainArgs:
     n_epochs: int = 3
     """Passes over the samples of an update."""
     learning_rate: float = 3.5e-4
-    """At the start; falls linearly to a fiftieth of it."""
+    """Of practice; after it, it falls linearly to a fiftieth."""
     gamma: float = 0.99
     """Discount of a step."""
     gae_lambda: float = 0.95
@@ -98,7 +98,7 @@ class TrainArgs:
     def resolved(self) -> TrainArgs:
         """The same with numbers of steps in place of their defaults."""
         steps = self.steps or self.default_steps
-        practice = min(steps // 5, MOST_PRACTICE) if self.warmup_steps is None else self.warmup_steps
+        practice = min(steps // 2, MOST_PRACTICE) if self.warmup_steps is None else self.warmup_steps
         return dataclasses.replace(self, steps=steps, warmup_steps=practice)
 
     def begins_with(self) -> str | None:
@@ -200,7 +200,7 @@ def make_model(args: TrainArgs, env: VecMonitor) -> PPO:
     return PPO(
         "MlpPolicy",
         env,
-        learning_rate=_Falling(args.learning_rate),
+        learning_rate=Falling(args.learning_rate),
         n_steps=args.n_steps,
         batch_size=args.batch_size,
         n_epochs=args.n_epochs,
@@ -225,13 +225,20 @@ def make_model(args: TrainArgs, env: VecMonitor) -> PPO:
 
 
 @dataclass(frozen=True)
-class _Falling:
-    """A learning rate that falls linearly to a fiftieth."""
+class Falling:
+    """A learning rate that falls linearly to a fiftieth.
+
+    Practice needs the whole of it: with a small budget it would otherwise have fallen before practice has taught to
+    shoot, and practice would take most of the steps.
+    """
 
     start: float
+    begins: float = 0.0
+    """Share of the run after which it falls."""
 
     def __call__(self, remaining: float) -> float:
-        return self.start * (0.02 + 0.98 * remaining)
+        left = 1.0 if remaining >= 1.0 - self.begins else remaining / (1.0 - self.begins)
+        return self.start * (0.02 + 0.98 * left)
 
 
 def train(args: TrainArgs) -> RunFolder:
@@ -285,6 +292,7 @@ def train(args: TrainArgs) -> RunFolder:
         if practising and model.num_timesteps < steps:
             practice = Practice(args.warmup_steps, args.warmup_success)
             seed_learning(model, make_env(args, "hit", ["idle"]), "practice", args.seed)
+            model.lr_schedule = Falling(args.learning_rate, begins=1.0)
             _learn(model, steps, [practice, watch, bar])
             history["practice"] = model.num_timesteps if practice.over else None
         if model.num_timesteps < steps:
@@ -292,6 +300,7 @@ def train(args: TrainArgs) -> RunFolder:
                 print(f"Practice is over after {model.num_timesteps:,} steps; now {whom}.")
             opponents, callbacks = (None, []) if league is None else (league.pool, [league])
             seed_learning(model, make_env(args, "point", opponents), "training", args.seed)
+            model.lr_schedule = Falling(args.learning_rate, begins=(history["practice"] or 0) / steps)
             _learn(model, steps, [*callbacks, watch, bar])
     if practising and (history["practice"] or model.num_timesteps) >= steps:
         print(f"All of it was shooting practice: with more --steps the agent would have played {whom}.")
