@@ -14,7 +14,7 @@ import torch
 import yaml
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.callbacks import BaseCallback, CallbackList, ProgressBarCallback
+from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckActionNoise
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
@@ -24,8 +24,10 @@ from agents.algorithms_report import draw_run, print_run
 from agents.checks import check_ranges
 from agents.evaluation import CONTROL_HZ, wilson_interval
 from agents.files import write_json
+from agents.learning import ProgressBar, seed_learning, seed_tables
 from agents.literals import read_kwargs
 from agents.runs import Clock, Records, RunFolder, logger, save, until_ctrl_c
+from agents.seeding import table_seeds
 from airhockey_env.game import OBS_TYPES
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 
@@ -183,15 +185,20 @@ def make_model(algo: str, hyperparameters: Hyperparameters, env: VecEnv, seed: i
         raise ValueError(f"hyperparameters do not fit {algo}: {error}") from error
 
 
-def success_row(model: BaseAlgorithm, env: VecEnv, episodes: int, seed: int) -> dict[str, Any]:
-    """Play episodes, deterministically and on tables that no evaluation of another seed has; for a JSON file."""
+def success_row(model: BaseAlgorithm, env: VecEnv, episodes: int, seed: int, purpose: str) -> dict[str, Any]:
+    """Play episodes, deterministically; for a JSON file.
+
+    Args:
+        env: tables, which are played one episode after the other.
+        seed, purpose: of the tables' random streams, see `agents.seeding`.
+    """
     successes: list[bool] = []
 
     def note(local: dict[str, Any], _: dict[str, Any]) -> None:
         if local["done"]:
             successes.append(local["info"]["is_success"])
 
-    env.seed(seed * 1_000_003)
+    seed_tables(env, table_seeds(purpose, seed, env.num_envs))
     rewards, lengths = evaluate_policy(
         model, env, episodes, deterministic=True, return_episode_rewards=True, callback=note
     )
@@ -209,10 +216,17 @@ class _Watch(BaseCallback):
     """Evaluates and saves while training; the clock stands still meanwhile."""
 
     def __init__(
-        self, folder: RunFolder, env: VecEnv, episodes: int, every: int, history: dict[str, Any], clock: Clock
+        self,
+        folder: RunFolder,
+        env: VecEnv,
+        episodes: int,
+        every: int,
+        seed: int,
+        history: dict[str, Any],
+        clock: Clock,
     ) -> None:
         super().__init__()
-        self.folder, self.env, self.episodes = folder, env, episodes
+        self.folder, self.env, self.episodes, self.seed = folder, env, episodes, seed
         self.every = self.due = every
         self.history, self.clock = history, clock
 
@@ -227,12 +241,12 @@ class _Watch(BaseCallback):
     def _evaluate_if_due(self) -> None:
         if self.num_timesteps >= self.due:
             self.due += self.every
-            self.evaluate(self.episodes, seed=1)
+            self.evaluate(self.episodes, "progress")
 
-    def evaluate(self, episodes: int, seed: int) -> None:
+    def evaluate(self, episodes: int, purpose: str) -> None:
         """Play, and save everything."""
         seconds = self.clock.seconds
-        row = success_row(self.model, self.env, episodes, seed)
+        row = success_row(self.model, self.env, episodes, self.seed, purpose)
         self.clock.start += self.clock.seconds - seconds
         self.history["evaluations"].append({"steps": self.model.num_timesteps, "seconds": seconds, **row})
         self.model.logger.record("eval/success_rate", row["success_rate"])
@@ -265,14 +279,15 @@ def train(args: AlgorithmArgs) -> RunFolder:
     print(f"{folder.path}: {steps:,} steps of {args.env} with {args.algo}. Ctrl-C stops early and keeps everything.")
     clock = Clock(0.0)
     model.set_logger(logger(folder, Records(history["updates"], clock)))
-    watch = _Watch(folder, judge, args.eval_episodes, max(1, steps // args.evaluations), history, clock)
+    watch = _Watch(folder, judge, args.eval_episodes, max(1, steps // args.evaluations), args.seed, history, clock)
     watch.init_callback(model)
-    watch.evaluate(args.eval_episodes, seed=1)
-    bar = ProgressBarCallback()
+    watch.evaluate(args.eval_episodes, "progress")
+    bar = ProgressBar()
     each = 100 if isinstance(model, OffPolicyAlgorithm) else 1  # episodes, or updates, between two lines of the log
+    seed_learning(model, env, "training", args.seed)
     with until_ctrl_c(bar, "Stopped."):
         model.learn(steps, callback=CallbackList([watch, bar]), log_interval=each)
-    watch.evaluate(args.report_episodes, seed=2)
+    watch.evaluate(args.report_episodes, "report")
     print_run(args.env, history)
     draw_run(history, f"{args.algo} on {args.env}" + (f", {args.obs_type}" if pixels else ""), folder.picture)
     print(f"Model, policy, TensorBoard logs, evaluations and training.png: {folder.path}")

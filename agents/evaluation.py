@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.models import Player, join, seated
+from agents.seeding import table_seeds
 from airhockey_env.game import Game
 from airhockey_env.players import NAMES
 from airhockey_env.records import AUTORESET_NEXT_STEP, LEFT, RIGHT
@@ -122,6 +123,7 @@ def play_points(
     *,
     name: str | None = None,
     seed: int = 0,
+    purpose: str = "evaluation",
     opponent_skill: float = 1.0,
     table: str = "full_size",
     control_hz: float = CONTROL_HZ,
@@ -139,7 +141,8 @@ def play_points(
         opponent: likewise.
         points: how many; rounded up to an even number.
         name: the opponent's, in the result; by default that of a scripted one.
-        seed: of the tables.
+        seed: of the tables' random streams.
+        purpose: one of `agents.seeding.PURPOSES`; those of other purposes are other streams.
         opponent_skill: of a scripted opponent.
         watch: looks on.
 
@@ -154,6 +157,7 @@ def play_points(
         name = opponent if isinstance(opponent, str) else "a policy"
     policy, opponent = seated(policy), seated(opponent)
     half = (points + 1) // 2
+    seeds = table_seeds(purpose, seed, 2 * half, TASKS["point"].number)
     wins = losses = draws = steps = 0
     with tqdm(total=2 * half, unit="point", desc=f"against {name}", delay=2.0, leave=False, disable=None) as bar:
         for first in range(0, half, TABLES_AT_ONCE):
@@ -172,7 +176,7 @@ def play_points(
                 )
                 join(game, left, right)
                 game.tables["skill"][:, own], game.tables["skill"][:, 1 - own] = 1.0, opponent_skill
-                game.seed([seed * 1_000_003 + 2 * k + own for k in rows])
+                game.seed([seeds[2 * k + own] for k in rows])
                 game.reset()
                 note = watch(game, own) if watch is not None else None
                 running = np.ones(len(rows), np.bool_)
@@ -197,6 +201,7 @@ def play_task(
     episodes: int,
     *,
     seed: int = 0,
+    purpose: str = "evaluation",
     table: str = "full_size",
     watch: Watch | None = None,
 ) -> TaskResult:
@@ -206,7 +211,7 @@ def play_task(
         policy: as in `play_points`.
         task: one of `SOLO_TASKS`.
         episodes: how many; each on a table of its own.
-        seed: of the tables.
+        seed, purpose: as in `play_points`.
         watch: looks on.
 
     Raises:
@@ -218,6 +223,7 @@ def play_task(
         raise ValueError(f"task must be one of {SOLO_TASKS}, got {task!r}")
     if episodes < 1:
         raise ValueError(f"episodes must be 1 or more, got {episodes}")
+    seeds = table_seeds(purpose, seed, episodes, TASKS[task].number)
     player = seated(policy)
     named = player if isinstance(player, str) else None
     asked = None if isinstance(player, str) else player
@@ -236,7 +242,7 @@ def play_task(
                 autoreset=AUTORESET_NEXT_STEP,
             )
             join(game, player)
-            game.seed([seed * 1_000_003 + k for k in rows])
+            game.seed(seeds[rows.start : rows.stop])
             game.reset()
             note = watch(game, LEFT) if watch is not None else None
             out = game.out

@@ -21,6 +21,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from agents.files import read_json, write_json
 from agents.models import export_policy
+from agents.seeding import sequence
 from airhockey_env.players import Opponent
 from airhockey_env.policy import MlpPolicy
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
@@ -86,7 +87,8 @@ class League(BaseCallback):
         self.snapshot_every = snapshot_every
         self.most_past_selves = most_past_selves
         self.due = 0  # the next copy, in steps
-        self.random = np.random.default_rng(seed)
+        self.seed = seed
+        self.random = np.random.default_rng(sequence("league", seed))
 
     @property
     def pool(self) -> tuple[Opponent, ...]:
@@ -115,6 +117,7 @@ class League(BaseCallback):
         return self.random.choice(len(self.members), number, p=shares)
 
     def _on_training_start(self) -> None:
+        self.random = np.random.default_rng(sequence("league", self.seed, self.num_timesteps))
         self.tables.set_opponents(self.draw(self.tables.num_envs))
 
     def _on_rollout_start(self) -> None:

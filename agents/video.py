@@ -11,6 +11,7 @@ from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
 from agents.models import Player, join, seated
+from agents.seeding import table_seeds
 from airhockey_env.face import draw_row
 from airhockey_env.files import replace
 from airhockey_env.game import Game
@@ -52,7 +53,7 @@ def frames_of_play(
         table=table,
     )
     join(game, own, other)
-    game.seed([seed])
+    game.seed(table_seeds("video", seed, 1))
     game.reset()
     renderer = Renderer(game.spec, size)
     still = np.zeros((1, 2), np.float32)

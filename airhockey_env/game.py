@@ -203,7 +203,7 @@ class Game:
 
     # What a caller does -----------------------------------------------------------------------------------------
 
-    def seed(self, seeds: list[int | None] | NDArray[np.int64]) -> None:
+    def seed(self, seeds: Sequence[int | None] | NDArray[np.int64]) -> None:
         """Start the random stream of every table whose seed is not None anew."""
         for i, seed in enumerate(seeds):
             if seed is not None:

@@ -130,13 +130,21 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
         """As `AirHockeyVectorEnv.observe`; pictures have their axis of channels."""
         return self._with_channels(super().observe(indices))
 
-    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+    def seed(self, seed: int | list[int] | tuple[int, ...] | None = None) -> Sequence[int | None]:
         """Seed the next reset: the first table with `seed`, the next with the number after it, and so on.
 
+        Args:
+            seed: as in Stable-Baselines3; or a list with one seed for each table.
+
         Raises:
-            ValueError: not a whole number from 0 up. Nothing has changed then.
+            ValueError: not whole numbers from 0 up, or not one for each table. Nothing has changed then.
         """
-        return super().seed(None if seed is None else check_seed(seed))
+        if not isinstance(seed, (list, tuple)):
+            return super().seed(None if seed is None else check_seed(seed))
+        if len(seed) != self.num_envs:
+            raise ValueError(f"seed must hold one seed for each of {self.num_envs} tables, got {len(seed)}")
+        self._seeds = [check_seed(one) for one in seed]
+        return self._seeds
 
     def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
         """Options of the next reset: those of `AirHockeyEnv.reset`, for all tables, or a list with one for each.
