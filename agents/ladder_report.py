@@ -25,12 +25,12 @@ def print_ladder(ratings: Sequence[Rating], matches: Sequence[Match]) -> None:
     heads = ("", "player", "rating", "95 %", "points", "won", "lost", "drawn")
     print_table("Ladder, best first", [heads, *rows], names=1)
     scores = cross_table(names, matches)
-    rows = [
+    table: list[tuple[str, ...]] = [
         (str(place), name, *("" if np.isnan(score) else f"{100 * score:.1f}" for score in row_scores))
         for place, (name, row_scores) in enumerate(zip(names, scores, strict=True), 1)
     ]
-    heads = ("", "against", *(str(place) for place in range(1, len(names) + 1)))
-    print_table("Score of the row's player, %", [heads, *rows], names=1)
+    heads_of_all = ("", "against", *(str(place) for place in range(1, len(names) + 1)))
+    print_table("Score of the row's player, %", [heads_of_all, *table], names=1)
     errors = np.nan_to_num(np.abs(scores - expected_scores(ratings)))
     i, j = np.unravel_index(errors.argmax(), errors.shape)
     Console().print(

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env.checks import check_seed
 from airhockey_env.face import BatchFace, warn_of_no_render_mode
+from airhockey_env.final_observations import FinalObservations
 from airhockey_env.game import Game
 from airhockey_env.players import Opponent, check_opponent
 from airhockey_env.pool import OpponentPool
@@ -271,7 +272,7 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
         if not done.any():
             return
         rows = np.flatnonzero(done)
-        observations = np.full(self.num_envs, None, dtype=object)
+        observations = np.full(self.num_envs, None, dtype=object).view(FinalObservations)
         finals = self._game.shown(out.final_observation[rows], rows, final=True)
         for row, final in zip(rows, finals, strict=True):
             observations[row] = final
@@ -292,9 +293,11 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
         return [None if one is None else check_seed(one) for one in seed]
 
     def _check_mask(self, mask: Any) -> NDArray[np.bool_]:
-        """As Gymnasium's SyncVectorEnv checks it."""
+        """As Gymnasium's SyncVectorEnv checks it; but arrays of other libraries, which JaxToNumpy gives, will do."""
         if mask is None:
             return np.ones(self.num_envs, np.bool_)
+        if hasattr(mask, "__array__"):
+            mask = np.asarray(mask)
         if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
             raise TypeError(f"options['reset_mask'] must be an array of bool, got {mask!r}")
         if mask.shape != (self.num_envs,):

@@ -15,7 +15,7 @@ from airhockey_env.parallel_env import AirHockeyParallelEnv
 from airhockey_env.records import CONTACT_ROWS, PUCK
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import PRESETS
-from tests.faces import IDS, random_actions, same
+from tests.faces import COPIES, IDS, random_actions, same
 
 RANGES = {"puck_radius": (0.03, 0.045), "drag_linear": (0.0, 0.5)}
 KEYS = {"score": ((2,), np.int32), "foul": ((), bool), "is_success": ((), bool)}
@@ -193,3 +193,42 @@ def test_an_automatic_reset_in_the_same_step_leaves_the_contacts_of_the_last_ste
         truncated = envs.step(np.zeros((2, 2), np.float32))[3]
     assert truncated.all() and len(single.contacts) == 1
     assert same(envs.contacts[1, : envs.n_contacts[1]], single.contacts)
+
+
+# What converters and stackers of other libraries need
+
+
+@pytest.mark.parametrize("obs_type", ["state", "grayscale"])
+def test_final_observations_are_objects_for_gymnasium_and_numbers_for_dlpack(obs_type: str) -> None:
+    envs = AirHockeyVectorEnv(3, autoreset_mode="SameStep", max_episode_steps=20, obs_type=obs_type)
+    envs.reset(seed=[0, 1, 2])
+    for step in range(5):
+        envs.step(envs.action_space.sample())
+        if step == 1:  # so that not all end at once
+            envs.reset(options={"reset_mask": np.array([False, True, False])})
+    infos: dict[str, Any] = {}
+    while "final_obs" not in infos:
+        infos = envs.step(np.zeros((3, 2), np.float32))[-1]
+    final = infos["final_obs"]
+    assert infos["_final_obs"].tolist() == [True, False, True]
+    assert final.dtype == object and [one is None for one in final] == [False, True, False]
+    shape, dtype = envs.single_observation_space.shape, envs.single_observation_space.dtype
+    converted = np.from_dlpack(final)
+    assert (converted.shape, converted.dtype) == ((3, *shape), dtype)
+    assert same(converted[[0, 2]], np.stack([final[0], final[2]])) and not converted[1].any()
+    for copied in COPIES.values():
+        assert same(np.from_dlpack(copied(final)), converted)
+    with pytest.raises(BufferError):
+        np.from_dlpack(final[1:2])
+
+
+def test_a_mask_may_be_another_librarys_array() -> None:
+    class Foreign:
+        def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+            return np.array([False, True])
+
+    envs = AirHockeyVectorEnv(2)
+    kept = envs.reset(seed=0)[0]
+    observations, infos = envs.reset(options={"reset_mask": Foreign()})
+    assert infos["_score"].tolist() == [False, True]
+    assert same(observations[0], kept[0]) and not same(observations[1], kept[1])
