@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,7 @@ import torch
 import yaml
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.callbacks import BaseCallback, CallbackList, ProgressBarCallback
+from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckActionNoise
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
@@ -25,7 +24,10 @@ from agents.algorithms_report import draw_run, print_run
 from agents.checks import check_ranges
 from agents.evaluation import CONTROL_HZ, wilson_interval
 from agents.files import write_json
+from agents.learning import ProgressBar, seed_learning, seed_tables
+from agents.literals import read_kwargs
 from agents.runs import Clock, Records, RunFolder, logger, save, until_ctrl_c
+from agents.seeding import table_seeds
 from airhockey_env.game import OBS_TYPES
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 
@@ -50,7 +52,7 @@ class AlgorithmArgs:
     obs_type: str = "state"
     """"state"; or "rgb" or "grayscale": pictures, for which only PPO has hyperparameters."""
     hyperparams: Path | None = None
-    """File in RL-Zoo's format, with a section for the environment. It may hold Python: open only files you trust.
+    """File in RL-Zoo's format, with a section for the environment.
     Default: agents/hyperparams/ALGO.yml, for pictures ALGO_pixels.yml."""
     name: str | None = None
     """Name of the run's folder under runs/. Default: the algorithm and the time."""
@@ -66,6 +68,9 @@ class AlgorithmArgs:
     """Episodes of the one at the end."""
     threads: int = 1
     """Of torch."""
+    trust: bool = False
+    """Run `policy_kwargs` of --hyperparams as Python where it is more than plain values, as RL-Zoo does: only for files
+    of people you trust."""
 
     def check(self) -> None:
         """Refuse what no run can have, before anything is written.
@@ -108,8 +113,11 @@ class _Linear:
         return self.start * remaining
 
 
-def read_hyperparameters(path: Path, env_id: str) -> Hyperparameters:
-    """Read the section of an environment, as RL-Zoo does: `policy_kwargs` is evaluated as Python if it is a string.
+def read_hyperparameters(path: Path, env_id: str, trust: bool = False) -> Hyperparameters:
+    """Read the section of an environment in RL-Zoo's format.
+
+    Args:
+        trust: run `policy_kwargs` as Python, as RL-Zoo does, where it is more than plain values (see `read_kwargs`).
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -119,18 +127,17 @@ def read_hyperparameters(path: Path, env_id: str) -> Hyperparameters:
         raise FileNotFoundError(f"there is no file {path} of hyperparameters")
     try:
         sections = yaml.safe_load(path.read_text())
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, UnicodeDecodeError, ValueError, TypeError, RecursionError) as error:
         raise ValueError(f"{path} is not a YAML file: {error}") from error
     if not isinstance(sections, dict) or not isinstance(sections.get(env_id), dict):
-        has = sorted(sections) if isinstance(sections, dict) else "none"
+        has = sorted(map(str, sections)) if isinstance(sections, dict) else "none"
         raise ValueError(f"--env must have a section in {path}, got {env_id!r}; it has {has}")
     section = dict(sections[env_id])
     try:
         n_timesteps, n_envs = int(section.pop("n_timesteps")), int(section.pop("n_envs", 1))
         frame_stack, env_kwargs = section.pop("frame_stack", None), dict(section.pop("env_kwargs", {}))
         if isinstance(section.get("policy_kwargs"), str):
-            names = {"nn": torch.nn, "th": torch, "importlib": importlib}
-            section["policy_kwargs"] = eval(section["policy_kwargs"], names)
+            section["policy_kwargs"] = read_kwargs(section["policy_kwargs"], trust)
         for name in ("learning_rate", "clip_range"):
             if isinstance(section.get(name), str):
                 kind, start = section[name].split("_")
@@ -178,15 +185,20 @@ def make_model(algo: str, hyperparameters: Hyperparameters, env: VecEnv, seed: i
         raise ValueError(f"hyperparameters do not fit {algo}: {error}") from error
 
 
-def success_row(model: BaseAlgorithm, env: VecEnv, episodes: int, seed: int) -> dict[str, Any]:
-    """Play episodes, deterministically and on tables that no evaluation of another seed has; for a JSON file."""
+def success_row(model: BaseAlgorithm, env: VecEnv, episodes: int, seed: int, purpose: str) -> dict[str, Any]:
+    """Play episodes, deterministically; for a JSON file.
+
+    Args:
+        env: tables, which are played one episode after the other.
+        seed, purpose: of the tables' random streams, see `agents.seeding`.
+    """
     successes: list[bool] = []
 
     def note(local: dict[str, Any], _: dict[str, Any]) -> None:
         if local["done"]:
             successes.append(local["info"]["is_success"])
 
-    env.seed(seed * 1_000_003)
+    seed_tables(env, table_seeds(purpose, seed, env.num_envs))
     rewards, lengths = evaluate_policy(
         model, env, episodes, deterministic=True, return_episode_rewards=True, callback=note
     )
@@ -204,10 +216,17 @@ class _Watch(BaseCallback):
     """Evaluates and saves while training; the clock stands still meanwhile."""
 
     def __init__(
-        self, folder: RunFolder, env: VecEnv, episodes: int, every: int, history: dict[str, Any], clock: Clock
+        self,
+        folder: RunFolder,
+        env: VecEnv,
+        episodes: int,
+        every: int,
+        seed: int,
+        history: dict[str, Any],
+        clock: Clock,
     ) -> None:
         super().__init__()
-        self.folder, self.env, self.episodes = folder, env, episodes
+        self.folder, self.env, self.episodes, self.seed = folder, env, episodes, seed
         self.every = self.due = every
         self.history, self.clock = history, clock
 
@@ -222,12 +241,12 @@ class _Watch(BaseCallback):
     def _evaluate_if_due(self) -> None:
         if self.num_timesteps >= self.due:
             self.due += self.every
-            self.evaluate(self.episodes, seed=1)
+            self.evaluate(self.episodes, "progress")
 
-    def evaluate(self, episodes: int, seed: int) -> None:
+    def evaluate(self, episodes: int, purpose: str) -> None:
         """Play, and save everything."""
         seconds = self.clock.seconds
-        row = success_row(self.model, self.env, episodes, seed)
+        row = success_row(self.model, self.env, episodes, self.seed, purpose)
         self.clock.start += self.clock.seconds - seconds
         self.history["evaluations"].append({"steps": self.model.num_timesteps, "seconds": seconds, **row})
         self.model.logger.record("eval/success_rate", row["success_rate"])
@@ -244,7 +263,7 @@ def train(args: AlgorithmArgs) -> RunFolder:
     torch.set_num_threads(args.threads)
     pixels = args.obs_type != "state"
     path = args.hyperparams or HYPERPARAMS / f"{args.algo}{'_pixels' if pixels else ''}.yml"
-    hyperparameters = read_hyperparameters(path, args.env)
+    hyperparameters = read_hyperparameters(path, args.env, args.trust)
     if pixels:
         hyperparameters.env_kwargs["obs_type"] = args.obs_type
     steps = args.steps or hyperparameters.n_timesteps
@@ -255,18 +274,20 @@ def train(args: AlgorithmArgs) -> RunFolder:
     history: dict[str, Any] = {"evaluations": [], "updates": []}
     save(folder, model, history)
     settings = {**dataclasses.asdict(args), "steps": steps, "hyperparams": str(path)}
+    del settings["trust"]  # is asked for anew
     write_json(folder.config, {**settings, "section": hyperparameters.section})
     print(f"{folder.path}: {steps:,} steps of {args.env} with {args.algo}. Ctrl-C stops early and keeps everything.")
     clock = Clock(0.0)
     model.set_logger(logger(folder, Records(history["updates"], clock)))
-    watch = _Watch(folder, judge, args.eval_episodes, max(1, steps // args.evaluations), history, clock)
+    watch = _Watch(folder, judge, args.eval_episodes, max(1, steps // args.evaluations), args.seed, history, clock)
     watch.init_callback(model)
-    watch.evaluate(args.eval_episodes, seed=1)
-    bar = ProgressBarCallback()
+    watch.evaluate(args.eval_episodes, "progress")
+    bar = ProgressBar()
     each = 100 if isinstance(model, OffPolicyAlgorithm) else 1  # episodes, or updates, between two lines of the log
+    seed_learning(model, env, "training", args.seed)
     with until_ctrl_c(bar, "Stopped."):
         model.learn(steps, callback=CallbackList([watch, bar]), log_interval=each)
-    watch.evaluate(args.report_episodes, seed=2)
+    watch.evaluate(args.report_episodes, "report")
     print_run(args.env, history)
     draw_run(history, f"{args.algo} on {args.env}" + (f", {args.obs_type}" if pixels else ""), folder.picture)
     print(f"Model, policy, TensorBoard logs, evaluations and training.png: {folder.path}")

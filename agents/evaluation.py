@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.models import Player, join, seated
+from agents.seeding import table_seeds
 from airhockey_env.game import Game
 from airhockey_env.players import NAMES
 from airhockey_env.records import AUTORESET_NEXT_STEP, LEFT, RIGHT
 from airhockey_env.tasks import TASKS
-from airhockey_env.trained import resolved
-
-Policy = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 
 Watch = Callable[[Game, int], Callable[[NDArray[np.bool_]], None]]
 """What looks on: called with a game that is about to begin and the side (LEFT or RIGHT) of the player in question; what
@@ -118,12 +117,13 @@ def wilson_interval(successes: int, trials: int, z: float = 1.959963984540054) -
 
 
 def play_points(
-    policy: Policy | str,
-    opponent: Policy | str,
+    policy: Player,
+    opponent: Player,
     points: int,
     *,
     name: str | None = None,
     seed: int = 0,
+    purpose: str = "evaluation",
     opponent_skill: float = 1.0,
     table: str = "full_size",
     control_hz: float = CONTROL_HZ,
@@ -136,11 +136,13 @@ def play_points(
     takes long, a progress bar shows.
 
     Args:
-        policy: a callable from float32 observations (N, 13) to actions (N, 2), or a named opponent's name.
+        policy: a callable from float32 observations (N, 13) to actions (N, 2), a `ModelPlayer`, or a named opponent's
+            name.
         opponent: likewise.
         points: how many; rounded up to an even number.
         name: the opponent's, in the result; by default that of a scripted one.
-        seed: of the tables.
+        seed: of the tables' random streams.
+        purpose: one of `agents.seeding.PURPOSES`; those of other purposes are other streams.
         opponent_skill: of a scripted opponent.
         watch: looks on.
 
@@ -153,8 +155,9 @@ def play_points(
         raise ValueError(f"points must be 1 or more, got {points}")
     if name is None:
         name = opponent if isinstance(opponent, str) else "a policy"
-    policy, opponent = resolved(policy), resolved(opponent)
+    policy, opponent = seated(policy), seated(opponent)
     half = (points + 1) // 2
+    seeds = table_seeds(purpose, seed, 2 * half, TASKS["point"].number)
     wins = losses = draws = steps = 0
     with tqdm(total=2 * half, unit="point", desc=f"against {name}", delay=2.0, leave=False, disable=None) as bar:
         for first in range(0, half, TABLES_AT_ONCE):
@@ -171,8 +174,9 @@ def play_points(
                     max_episode_steps=max_episode_steps,
                     autoreset=AUTORESET_NEXT_STEP,
                 )
+                join(game, left, right)
                 game.tables["skill"][:, own], game.tables["skill"][:, 1 - own] = 1.0, opponent_skill
-                game.seed([seed * 1_000_003 + 2 * k + own for k in rows])
+                game.seed([seeds[2 * k + own] for k in rows])
                 game.reset()
                 note = watch(game, own) if watch is not None else None
                 running = np.ones(len(rows), np.bool_)
@@ -192,11 +196,12 @@ def play_points(
 
 
 def play_task(
-    policy: Policy | str,
+    policy: Player,
     task: str,
     episodes: int,
     *,
     seed: int = 0,
+    purpose: str = "evaluation",
     table: str = "full_size",
     watch: Watch | None = None,
 ) -> TaskResult:
@@ -206,7 +211,7 @@ def play_task(
         policy: as in `play_points`.
         task: one of `SOLO_TASKS`.
         episodes: how many; each on a table of its own.
-        seed: of the tables.
+        seed, purpose: as in `play_points`.
         watch: looks on.
 
     Raises:
@@ -218,9 +223,10 @@ def play_task(
         raise ValueError(f"task must be one of {SOLO_TASKS}, got {task!r}")
     if episodes < 1:
         raise ValueError(f"episodes must be 1 or more, got {episodes}")
-    policy = resolved(policy)
-    named = policy if isinstance(policy, str) else None
-    asked = None if isinstance(policy, str) else policy
+    seeds = table_seeds(purpose, seed, episodes, TASKS[task].number)
+    player = seated(policy)
+    named = player if isinstance(player, str) else None
+    asked = None if isinstance(player, str) else player
     successes = failures = timeouts = steps = 0
     with tqdm(total=episodes, unit="episode", desc=task, delay=2.0, leave=False, disable=None) as bar:
         for first in range(0, episodes, TABLES_AT_ONCE):
@@ -235,7 +241,8 @@ def play_task(
                 control_hz=CONTROL_HZ,
                 autoreset=AUTORESET_NEXT_STEP,
             )
-            game.seed([seed * 1_000_003 + k for k in rows])
+            join(game, player)
+            game.seed(seeds[rows.start : rows.stop])
             game.reset()
             note = watch(game, LEFT) if watch is not None else None
             out = game.out

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.evaluation import OPPONENTS, Policy, Result, play_points
-from agents.models import load_player, short_name
+from agents.evaluation import OPPONENTS, Result, play_points
+from agents.models import Player, load_player, short_name
 
 ELO = 400.0 / math.log(10.0)
 """Elo points for a factor of e in the odds: 400 points are odds of 10 to 1 (A. E. Elo, The Rating of Chessplayers)."""
@@ -61,12 +61,13 @@ class Rating:
         return {**asdict(self), "points": self.points}
 
 
-def find_players(models: Sequence[str], only: bool = False) -> dict[str, Policy | str]:
+def find_players(models: Sequence[str], only: bool = False, trust: bool = False) -> dict[str, Player]:
     """Who plays, by the name that tables and plots show.
 
     Args:
         models: as `load_player` takes them. A file is called after its run's folder, or its path if that is not unique.
         only: leave out the named opponents that are not among `models`.
+        trust: see `load_player`.
 
     Raises:
         FileNotFoundError, ValueError: see `load_player`; or there are fewer than two.
@@ -74,7 +75,7 @@ def find_players(models: Sequence[str], only: bool = False) -> dict[str, Policy 
     given = list(dict.fromkeys((*(() if only else OPPONENTS), *models)))
     if len(given) < 2:
         raise ValueError(f"a ladder needs two or more different players, got {given}")
-    players = {model: load_player(model) for model in given}
+    players = {model: load_player(model, trust=trust) for model in given}
     short = [short_name(model) for model in given]
     return {
         name if short.count(name) == 1 else model: player
@@ -83,7 +84,7 @@ def find_players(models: Sequence[str], only: bool = False) -> dict[str, Policy 
 
 
 def play_ladder(
-    players: Mapping[str, Policy | str], points: int, *, seed: int = 0, table: str = "full_size"
+    players: Mapping[str, Player], points: int, *, seed: int = 0, table: str = "full_size"
 ) -> Iterator[Match]:
     """Let everybody play everybody: the matches, as they end.
 

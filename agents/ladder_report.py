@@ -9,41 +9,31 @@ import numpy as np
 
 from agents.ladder import ANCHOR, ANCHOR_RATING, Match, Rating, cross_table, expected_scores
 from agents.plots import PALE, save_figure
+from agents.tables import print_table
 
 
 def print_ladder(ratings: Sequence[Rating], matches: Sequence[Match]) -> None:
     """Print the ratings with their 95 % intervals, the cross table, and how well the one explains the other."""
     from rich.console import Console
-    from rich.table import Table
 
     names = [rating.player for rating in ratings]
-    table = Table(title="Ladder, best first", padding=(0, 1), box=None)
-    for column in ("", "player", "rating", "95 %", "points", "won", "lost", "drawn"):
-        table.add_column(column, justify="left" if column == "player" else "right", no_wrap=column != "player")
+    rows = []
     for place, row in enumerate(ratings, 1):
         shares = (f"{count / row.points:.1%}" if row.points else "" for count in (row.wins, row.losses, row.draws))
-        table.add_row(
-            str(place),
-            row.player,
-            f"{row.rating:.0f}",
-            "fixed" if row.low == row.high else f"{row.low:.0f} to {row.high:.0f}",
-            str(row.points),
-            *shares,
-        )
-    cross = Table(title="Score of the row's player, %", padding=(0, 1), box=None)
-    cross.add_column("")
-    cross.add_column("against", overflow="fold")
+        interval = "fixed" if row.low == row.high else f"{row.low:.0f} to {row.high:.0f}"
+        rows.append((str(place), row.player, f"{row.rating:.0f}", interval, str(row.points), *shares))
+    heads = ("", "player", "rating", "95 %", "points", "won", "lost", "drawn")
+    print_table("Ladder, best first", [heads, *rows], names=1)
     scores = cross_table(names, matches)
-    for place in range(1, len(names) + 1):
-        cross.add_column(str(place), justify="right", no_wrap=True)
-    for place, (name, row_scores) in enumerate(zip(names, scores, strict=True), 1):
-        cross.add_row(str(place), name, *("" if np.isnan(score) else f"{100 * score:.1f}" for score in row_scores))
-    console = Console()
-    console.print(table)
-    console.print(cross)
+    table: list[tuple[str, ...]] = [
+        (str(place), name, *("" if np.isnan(score) else f"{100 * score:.1f}" for score in row_scores))
+        for place, (name, row_scores) in enumerate(zip(names, scores, strict=True), 1)
+    ]
+    heads_of_all = ("", "against", *(str(place) for place in range(1, len(names) + 1)))
+    print_table("Score of the row's player, %", [heads_of_all, *table], names=1)
     errors = np.nan_to_num(np.abs(scores - expected_scores(ratings)))
     i, j = np.unravel_index(errors.argmax(), errors.shape)
-    console.print(
+    Console().print(
         f"Ratings: {_fixed(names)}; 400 points are odds of 10 to 1. They miss the cross table by "
         f"{100 * errors.max():.1f} points of 100 at most ({names[i]} against {names[j]}).",
         highlight=False,

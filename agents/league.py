@@ -21,8 +21,10 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from agents.files import read_json, write_json
 from agents.models import export_policy
+from agents.seeding import sequence
 from airhockey_env.players import Opponent
 from airhockey_env.policy import MlpPolicy
+from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 
 WINDOW = 400
 """Points over which a member's record is averaged."""
@@ -85,13 +87,20 @@ class League(BaseCallback):
         self.snapshot_every = snapshot_every
         self.most_past_selves = most_past_selves
         self.due = 0  # the next copy, in steps
-        self.random = np.random.default_rng(seed)
+        self.seed = seed
+        self.random = np.random.default_rng(sequence("league", seed))
 
     @property
     def pool(self) -> tuple[Opponent, ...]:
         """The environment's pool of opponents: the members, in their order."""
         # The latest self's place is somebody's who is replaced before he plays.
         return ("idle", *self.scripted, *(self.past[number] for number in sorted(self.past)))
+
+    @property
+    def tables(self) -> AirHockeySB3VecEnv:
+        """The batch that the agent trains on, whatever wraps it."""
+        batch: Any = self.training_env.unwrapped
+        return batch
 
     def draw(self, number: int) -> np.ndarray:
         """(number,) places in the pool of opponents for that many episodes."""
@@ -108,11 +117,12 @@ class League(BaseCallback):
         return self.random.choice(len(self.members), number, p=shares)
 
     def _on_training_start(self) -> None:
-        self.training_env.env_method("set_opponents", self.draw(self.training_env.num_envs))
+        self.random = np.random.default_rng(sequence("league", self.seed, self.num_timesteps))
+        self.tables.set_opponents(self.draw(self.tables.num_envs))
 
     def _on_rollout_start(self) -> None:
         latest = export_policy(self.model)
-        self.training_env.env_method("set_opponent", 0, latest)
+        self.tables.set_opponent(0, latest)
         if self.num_timesteps >= self.due:
             self.due = self.num_timesteps + self.snapshot_every
             self.take_in(f"self at {self.num_timesteps}", latest)
@@ -122,12 +132,12 @@ class League(BaseCallback):
     def _on_step(self) -> bool:
         rows = np.flatnonzero(self.locals["dones"])
         if len(rows):
-            numbers = self.training_env.get_attr("opponent_indices", 0)[0][rows]
+            numbers = self.tables.opponent_indices[rows]
             for row, number in zip(rows, numbers, strict=True):
                 info = self.locals["infos"][row]
                 drawn = info["TimeLimit.truncated"]
                 self.members[number].record(0.5 if drawn else float(info["is_success"]), float(drawn))
-            self.training_env.env_method("set_opponents", self.draw(len(rows)), rows)
+            self.tables.set_opponents(self.draw(len(rows)), rows)
         return True
 
     def take_in(self, name: str, policy: MlpPolicy) -> None:
@@ -135,11 +145,11 @@ class League(BaseCallback):
         if len(self.past) < self.most_past_selves:
             number = len(self.members)
             self.members.append(Member(name))
-            self.training_env.env_method("add_opponent", policy)
+            self.tables.add_opponent(policy)
         else:
             number = max(self.past, key=lambda k: self.members[k].won)
             self.members[number] = Member(name)
-            self.training_env.env_method("set_opponent", number, policy)
+            self.tables.set_opponent(number, policy)
         self.past[number] = policy
 
     def save(self, folder: Path) -> None:

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.models import Player, join, seated
 from airhockey_env.game import Game
-from airhockey_env.policy import MlpPolicy
 from airhockey_env.records import LEFT, PUCK, RIGHT
 from airhockey_env.tables import TableSpec
 
@@ -164,7 +164,7 @@ class LiveMatch:
     what to draw.
 
     Args:
-        opponent: a scripted opponent's name or a trained policy.
+        opponent: as `play_points` takes it.
         skill: share of its paddle's speed that the opponent uses, 0 to 1.
         table: a preset's name or a `TableSpec`.
         points: that win the match.
@@ -184,7 +184,7 @@ class LiveMatch:
 
     def __init__(
         self,
-        opponent: MlpPolicy | str,
+        opponent: Player,
         *,
         skill: float = 1.0,
         table: str | TableSpec = "full_size",
@@ -192,16 +192,18 @@ class LiveMatch:
         control_hz: float = CONTROL_HZ,
         seed: int | None = None,
     ) -> None:
-        self._policy = None if isinstance(opponent, str) else opponent
+        seat = seated(opponent)
+        self._policy = None if isinstance(seat, str) else seat
         self._game = Game(
             1,
             table=table,
-            opponent=opponent if isinstance(opponent, str) else None,
+            opponent=seat if isinstance(seat, str) else None,
             opponent_skill=skill,
             points=points,
             control_hz=control_hz,
             num_threads=1,
         )
+        join(self._game, seat)
         self._skill = np.float32(skill)
         self._game.seed([int(np.random.SeedSequence(seed).generate_state(1)[0])])
         self.spec, self.points = self._game.spec, points

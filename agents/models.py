@@ -1,16 +1,123 @@
-"""Trained models: from Stable-Baselines3's files to policies that play."""
+"""Trained models: from Stable-Baselines3's files to policies that play, and whom a command line may name."""
 
 from __future__ import annotations
 
-import zipfile
+import importlib
+import os
+import re
+import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from agents.files import read_json
+from airhockey_env.game import OBS_TYPES, Game
+from airhockey_env.pixels import CHANNELS, SIZE, Pixels
 from airhockey_env.players import NAMES
 from airhockey_env.policy import MlpPolicy
+from airhockey_env.records import OBSERVATION_SIZE
+from airhockey_env.spaces import DIRECTIONS
 from airhockey_env.trained import resolved
+
+Policy = Callable[[NDArray[np.float32]], NDArray[np.float32]]
+"""From state observations (N, 13), each from the player's own side, to actions (N, 2)."""
+
+PLAYERS = f"{', '.join(NAMES)}, a run's folder, a policy.npz, a model.zip of Stable-Baselines3, or module:function"
+"""Whom a command line may name."""
+
+PLAYER_HELP = (
+    f"Who plays: {PLAYERS}. A function takes float32 observations (N, 13) and returns actions (N, 2); its module is "
+    "imported from the current folder."
+)
+
+TRUST_HELP = (
+    "Open a model.zip with its pickles where it cannot be played without them. A pickle runs whatever code its maker "
+    "likes: only for files of people you trust."
+)
+
+_FUNCTION = re.compile(r"[^\W\d][\w.]*:[^\W\d]\w*")
+
+_AT_ONCE = 256
+"""Rows that a network is given at once: of stacked pictures, more would need gigabytes between the layers."""
+
+
+class ModelPlayer:
+    """A model that needs PyTorch, or sees something else than one state observation, at any number of tables.
+
+    It is shown what the environment that it was trained in shows: states or pictures, and the last few of them stacked
+    as Stable-Baselines3's `VecFrameStack` does, with zeros before an episode's first.
+
+    Args:
+        answer: the network: from what it sees, (N, ...), to actions (N, 2) or to the numbers (N,) of directions.
+        obs_type: "state", "rgb" or "grayscale".
+        frames: how many observations are stacked.
+    """
+
+    def __init__(self, answer: Callable[[NDArray[Any]], NDArray[Any]], obs_type: str, frames: int) -> None:
+        self.answer, self.obs_type, self.frames = answer, obs_type, frames
+
+
+class Seat:
+    """A `ModelPlayer` at the tables of one game: a `Policy` for this game alone, since it remembers what it has seen.
+
+    Attributes:
+        seen: (N, ...) what the network was given last.
+    """
+
+    def __init__(self, player: ModelPlayer) -> None:
+        self.player = player
+        self.seen: NDArray[Any] | None = None
+        self._pixels = Pixels(player.obs_type) if player.obs_type in CHANNELS else None
+        self._game: Game | None = None
+
+    def join(self, game: Game) -> None:
+        """Play in this game, on all of its tables."""
+        self._game, self.seen = game, None
+
+    def __call__(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Actions (N, 2) for the states (N, 13) of all tables, in every step once."""
+        assert self._game is not None, "join a game first"
+        new = self._shown(observations, self._game)
+        if self.player.frames == 1:
+            self.seen = new
+        else:
+            width = new.shape[1]
+            before = np.zeros_like(np.repeat(new, self.player.frames - 1, axis=1))
+            if self.seen is not None:
+                before = self.seen[:, width:].copy()
+                before[self._game.tables["steps"] == 0] = 0  # an episode has begun
+            self.seen = np.concatenate([before, new], axis=1)
+        parts = [self.player.answer(self.seen[k : k + _AT_ONCE]) for k in range(0, len(new), _AT_ONCE)]
+        actions = np.concatenate(parts)
+        return actions.astype(np.float32) if actions.ndim == 2 else DIRECTIONS[actions]
+
+    def _shown(self, observations: NDArray[np.float32], game: Game) -> NDArray[Any]:
+        """States (N, 13), or pictures (N, channels, 84, 84)."""
+        if self._pixels is None:
+            return observations.copy()
+        frames = self._pixels.blank(len(observations))
+        background = self._pixels.background(game.physics)
+        self._pixels.draw(0, len(observations), observations, game.physics, background, frames)
+        return np.ascontiguousarray(frames.transpose(0, 3, 1, 2))
+
+
+Player = Policy | ModelPlayer | str
+"""Who plays: a policy, a model, or a named opponent's name."""
+
+
+def seated(player: Player) -> Policy | str:
+    """A player for one game: what `Game` takes. Let it `join` the game before that begins."""
+    return Seat(player) if isinstance(player, ModelPlayer) else resolved(player)
+
+
+def join(game: Game, *players: Policy | str) -> None:
+    """Let those who were `seated` play in this game."""
+    for player in players:
+        if isinstance(player, Seat):
+            player.join(game)
 
 
 def export_policy(model: Any) -> MlpPolicy:
@@ -33,69 +140,157 @@ def export_policy(model: Any) -> MlpPolicy:
     linear = [layer for layer in layers if isinstance(layer, nn.Linear)]
     weights = [layer.weight.detach().numpy() for layer in linear]
     biases = [layer.bias.detach().numpy() for layer in linear]
-    if isinstance(features, RelativeFeatures):
-        weights[0] = weights[0] @ features.matrix.numpy()
+    matrix = features.matrix.numpy() if isinstance(features, RelativeFeatures) else None
     activation = "relu" if any(isinstance(layer, nn.ReLU) for layer in layers) else "tanh"
-    if isinstance(clip := layers[-1], nn.Hardtanh):
+    clip = layers[-1].max_val if isinstance(layers[-1], nn.Hardtanh) else None
+    return _folded(weights, biases, activation, matrix, clip, squash=actor is not None)
+
+
+def _folded(
+    weights: list[NDArray[np.float32]],
+    biases: list[NDArray[np.float32]],
+    activation: str,
+    matrix: NDArray[np.float32] | None,
+    clip: float | None,
+    squash: bool,
+) -> MlpPolicy:
+    """A network with a linear layer of features in front and clipped outputs, if there are such, as an `MlpPolicy`."""
+    if matrix is not None:
+        weights[0] = weights[0] @ matrix
+    if clip is not None:
         if activation != "relu":
             raise ValueError("policy must have rectified hidden layers to be exported with clipped actions, got tanh")
         # Two rectifiers clip: low + max(x - low, 0) - max(x - high, 0).
-        low, high = np.float32(clip.min_val), np.float32(clip.max_val)
+        low, high = np.float32(-clip), np.float32(clip)
         one = np.eye(len(biases[-1]), dtype=np.float32)
         weights[-1:] = [np.concatenate([weights[-1]] * 2), np.concatenate([one, -one], axis=1)]
         biases[-1:] = [np.concatenate([biases[-1] - low, biases[-1] - high]), np.full(len(one), low)]
-    return MlpPolicy(weights, biases, activation, squash=actor is not None)
+    return MlpPolicy(weights, biases, activation, squash)
 
 
-def load_player(model: str, option: str = "MODEL") -> MlpPolicy | str:
-    """What a MODEL argument means.
+def load_player(model: str, option: str = "MODEL", *, trust: bool = False) -> Player:
+    """Whom a command line names.
 
     Args:
-        model: an opponent's name, a run's folder, a `policy.npz` or a `model.zip`.
-        option: what the error about one that is none of these calls the argument.
+        model: one of `PLAYERS`.
+        option: what errors call the argument.
+        trust: open a model.zip with its pickles, where it cannot be played without them.
 
     Raises:
         FileNotFoundError: there is no such file or name.
-        ValueError: the file holds no policy of this environment.
+        ValueError: the file holds no player of this game, or needs `trust`.
     """
     if model in NAMES:
         return resolved(model)
     path = Path(model)
     if path.is_dir():
-        path = path / "policy.npz"
+        path = path / ("model.zip" if (path / "model.zip").is_file() else "policy.npz")
+        path = path.with_name("policy.npz") if path.with_name("policy.npz").is_file() else path
     if not path.exists():
-        raise FileNotFoundError(
-            f"{option} must be one of {sorted(NAMES)}, a run's folder, a policy.npz or a model.zip; "
-            f"{model!r} is none of these"
-        )
-    if path.suffix != ".zip":
-        return MlpPolicy.load(path)
+        if _FUNCTION.fullmatch(model):
+            return _function(model, option)
+        raise FileNotFoundError(f"{option} must be one of {PLAYERS}; {model!r} is none of these")
+    return load_model(path, trust=trust) if path.suffix == ".zip" else MlpPolicy.load(path)
+
+
+def load_model(path: Path, *, trust: bool = False) -> MlpPolicy | ModelPlayer:
+    """The player in a Stable-Baselines3 model file: without PyTorch if it plays from one state observation.
+
+    What a network of pictures was shown may stand in the config.json beside it.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it holds no player of this game, or needs `trust`.
+    """
+    from agents.features import RelativeFeatures
+    from agents.sb3_files import NeedsTrust, actor_of, read_model, trusted_policy
+
     try:
-        return export_policy(load_ppo(path))
-    except AttributeError as error:  # another kind of network
-        raise ValueError(f"{path} does not hold a PPO model of this environment: {error}") from error
+        actor = actor_of(read_model(path))
+    except NeedsTrust as error:
+        if not trust:
+            raise NeedsTrust(
+                f"{error}. What is missing stands in its pickles, which run whatever code their maker likes; open them "
+                "with --trust if you trust whoever made the file"
+            ) from error
+        return _trusted_player(path, trusted_policy(path))
+    obs_type, frames = _sight(path, actor.shape)
+    if obs_type == "state" and frames == 1:
+        activation = {"Tanh": "tanh", "ReLU": "relu"}.get(actor.activation.__name__)
+        if activation == "relu" or (activation == "tanh" and actor.clip is None):
+            weights, biases = ([part.numpy() for part in parts] for parts in zip(*actor.layers, strict=True))
+            matrix = actor.features.matrix.numpy() if isinstance(actor.features, RelativeFeatures) else None
+            return _folded(weights, biases, activation, matrix, actor.clip, actor.squash)
+    return ModelPlayer(lambda seen: _action(actor(seen)), obs_type, frames)
+
+
+def _action(outputs: NDArray[np.float32]) -> NDArray[Any]:
+    """What the outputs of a deterministic network mean."""
+    return outputs.clip(-1.0, 1.0) if outputs.shape[1] == 2 else outputs.argmax(axis=1)
+
+
+def _trusted_player(path: Path, policy: Any) -> ModelPlayer:
+    """A policy of Stable-Baselines3's own classes."""
+    if hasattr(policy, "lstm_actor"):
+        raise ValueError(f"{path} holds a recurrent policy, which cannot be played here")
+    obs_type, frames = _sight(path, tuple(getattr(policy.observation_space, "shape", None) or ()))
+    return ModelPlayer(lambda seen: policy.predict(seen, deterministic=True)[0], obs_type, frames)
+
+
+def _sight(path: Path, shape: tuple[int, ...]) -> tuple[str, int]:
+    """What a network of this file sees, whose observations are of this shape: the kind, and how many are stacked."""
+    if len(shape) == 1 and shape[0] % OBSERVATION_SIZE == 0:
+        return "state", shape[0] // OBSERVATION_SIZE
+    if len(shape) != 3 or shape[1:] != (SIZE, SIZE):
+        raise ValueError(
+            f"{path} plays another game: it sees observations of shape {shape}, in place of ({OBSERVATION_SIZE},) or "
+            f"(channels, {SIZE}, {SIZE}), or several of these stacked"
+        )
+    kind = _kind_of_run(path.parent / "config.json")
+    if kind is None and shape[0] % CHANNELS["rgb"]:
+        kind = "grayscale"
+    if kind is None:
+        raise ValueError(
+            f"{path} sees pictures of {shape[0]} channels, which may be rgb or grayscale: write which into a "
+            'config.json beside it, as {"obs_type": "rgb"}'
+        )
+    if shape[0] % CHANNELS[kind]:
+        raise ValueError(f"{path} sees {shape[0]} channels, which are no whole number of {kind} pictures")
+    return kind, shape[0] // CHANNELS[kind]
+
+
+def _kind_of_run(config: Path) -> str | None:
+    """The kind of pictures that a run's config names, if it does."""
+    if not config.is_file():
+        return None
+    settings = read_json(config)
+    section = settings.get("section") if isinstance(settings, dict) else None
+    inner = section.get("env_kwargs") if isinstance(section, dict) else None
+    for place in (settings, inner):
+        kind = place.get("obs_type") if isinstance(place, dict) else None
+        if kind not in (None, *OBS_TYPES):
+            raise ValueError(f"{config}: obs_type must be one of {OBS_TYPES}, got {kind!r}")
+        if kind in CHANNELS:
+            return kind
+    return None
+
+
+def _function(model: str, option: str) -> Policy:
+    """A function named as module:function. Its module is the user's own code, from the current folder."""
+    module, _, name = model.partition(":")
+    if os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())
+    importlib.invalidate_caches()
+    try:
+        function = getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError) as error:
+        raise ValueError(f"{option} must name a function that can be imported, got {model!r}: {error}") from error
+    if not callable(function):
+        raise ValueError(f"{option} must name a function, got {model!r}, which is a {type(function).__name__}")
+    return function
 
 
 def short_name(model: str) -> str:
     """What tables and plots call a MODEL: an opponent's name, the run's folder, or a file's name."""
     path = Path(model)
     return path.parent.name if path.name in ("policy.npz", "model.zip") and path.parent.name else path.name or model
-
-
-def load_ppo(path: Path, env: Any = None) -> Any:
-    """A Stable-Baselines3 PPO model. Its file holds pickles, which can run code: open only files you trust.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: the file does not hold such a model.
-    """
-    from stable_baselines3 import PPO
-
-    if not path.is_file():
-        raise FileNotFoundError(f"there is no file {path}")
-    if not zipfile.is_zipfile(path):
-        raise ValueError(f"{path} does not hold a PPO model of this environment: it is not a zip file, or was cut off")
-    try:
-        return PPO.load(path, env=env, device="cpu")
-    except Exception as error:  # whatever a damaged file makes of zip, pickle and torch
-        raise ValueError(f"{path} does not hold a PPO model of this environment: {error}") from error

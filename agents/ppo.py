@@ -11,7 +11,7 @@ from typing import Any
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.callbacks import BaseCallback, CallbackList, ProgressBarCallback
+from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.checks import check_ranges, check_table, not_default
@@ -19,12 +19,17 @@ from agents.evaluation import OPPONENTS, play_points
 from agents.features import RelativeFeatures
 from agents.files import read_json, write_json
 from agents.league import League
-from agents.models import export_policy, load_ppo
+from agents.learning import ProgressBar, seed_learning
+from agents.models import export_policy
 from agents.runs import Clock, Records, RunFolder, logger, save, until_ctrl_c
+from agents.sb3_files import load_weights, read_model
 from airhockey_env.players import Opponent
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import PRESETS
 from airhockey_env.tasks import TASKS
+
+MOST_PRACTICE = 4_000_000
+"""Steps of shooting practice, unless the command line says otherwise."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +46,9 @@ class TrainArgs:
     """Of the network, the actions and the tables."""
     opponents: tuple[str, ...] = ("striker",)
     """Whom to play against, on as many tables each; name one twice to meet it twice as often."""
-    warmup_steps: int = 4_000_000
-    """Of shooting practice (the task "hit") at first, at most. Without it, agents learn to defend and to wait, not to
-    shoot."""
+    warmup_steps: int | None = None
+    """Steps of shooting practice (the task "hit") at first, at most. Without practice, agents learn to defend and to
+    wait, not to shoot. Default: half of --steps, but no more than 4 million."""
     warmup_success: float = 0.8
     """Practice is over as soon as this share of its last 500 episodes succeeds."""
     opponent: str = "striker"
@@ -61,7 +66,7 @@ class TrainArgs:
     n_epochs: int = 3
     """Passes over the samples of an update."""
     learning_rate: float = 3.5e-4
-    """At the start; falls linearly to a fiftieth of it."""
+    """Of practice; after it, it falls linearly to a fiftieth."""
     gamma: float = 0.99
     """Discount of a step."""
     gae_lambda: float = 0.95
@@ -90,6 +95,12 @@ class TrainArgs:
 
     default_steps = 20_000_000
     command = "train_ppo"
+
+    def resolved(self) -> TrainArgs:
+        """The same with numbers of steps in place of their defaults."""
+        steps = self.steps or self.default_steps
+        practice = min(steps // 2, MOST_PRACTICE) if self.warmup_steps is None else self.warmup_steps
+        return dataclasses.replace(self, steps=steps, warmup_steps=practice)
 
     def begins_with(self) -> str | None:
         """A run whose network this one begins with."""
@@ -156,7 +167,12 @@ class _Watch(BaseCallback):
     def evaluate(self) -> None:
         """Play against the training opponent at full skill, and save everything."""
         result = play_points(
-            export_policy(self.model), self.args.opponent, self.args.eval_points, seed=1, table=self.args.table
+            export_policy(self.model),
+            self.args.opponent,
+            self.args.eval_points,
+            seed=self.args.seed,
+            purpose="progress",
+            table=self.args.table,
         )
         row = {"steps": self.model.num_timesteps, "seconds": self.clock.seconds, **result.as_dict()}
         self.history["evaluations"].append(row)
@@ -185,7 +201,7 @@ def make_model(args: TrainArgs, env: VecMonitor) -> PPO:
     return PPO(
         "MlpPolicy",
         env,
-        learning_rate=_Falling(args.learning_rate),
+        learning_rate=Falling(args.learning_rate),
         n_steps=args.n_steps,
         batch_size=args.batch_size,
         n_epochs=args.n_epochs,
@@ -210,13 +226,20 @@ def make_model(args: TrainArgs, env: VecMonitor) -> PPO:
 
 
 @dataclass(frozen=True)
-class _Falling:
-    """A learning rate that falls linearly to a fiftieth."""
+class Falling:
+    """A learning rate that falls linearly to a fiftieth.
+
+    Practice needs the whole of it: with a small budget it would otherwise have fallen before practice has taught to
+    shoot, and practice would take most of the steps.
+    """
 
     start: float
+    begins: float = 0.0
+    """Share of the run after which it falls."""
 
     def __call__(self, remaining: float) -> float:
-        return self.start * (0.02 + 0.98 * remaining)
+        left = 1.0 if remaining >= 1.0 - self.begins else remaining / (1.0 - self.begins)
+        return self.start * (0.02 + 0.98 * left)
 
 
 def train(args: TrainArgs) -> RunFolder:
@@ -228,7 +251,7 @@ def train(args: TrainArgs) -> RunFolder:
     args.check()
     torch.set_num_threads(args.threads)
     if args.resume is None:
-        args = dataclasses.replace(args, steps=args.steps or args.default_steps)
+        args = args.resolved()
         model, league = make_model(args, make_env(args)), args.league()
         if (other := args.begins_with()) is not None:
             _take_over(model, RunFolder.open(other))
@@ -247,15 +270,18 @@ def train(args: TrainArgs) -> RunFolder:
         except (TypeError, KeyError) as error:
             raise ValueError(f"{folder.path} cannot be resumed, its files do not fit: {error}") from error
         args.check()
-        model, league = load_ppo(folder.model, make_env(args)), args.league()
+        model, league = make_model(args, make_env(args)), args.league()
+        load_weights(model, folder.model)
         if asked is not None and model.num_timesteps >= asked + args.num_envs * args.n_steps:
             raise ValueError(f"the run has {model.num_timesteps:,} steps: --steps must be more, got {asked:,}")
         if league is not None:
             league.load(folder.path)
+    args = args.resolved()
+    assert args.steps is not None and args.warmup_steps is not None
     clock = Clock(history["updates"][-1]["seconds"] if history["updates"] else 0.0)
     model.set_logger(logger(folder, Records(history["updates"], clock)))
     watch = _Watch(folder, args, league, history, clock)
-    steps = args.steps or args.default_steps
+    steps = args.steps
     whom = "against " + " and ".join(args.opponents) + ("" if league is None else " and its past selves")
     practising = history["practice"] is None and args.begins_with() is None and args.warmup_steps > 0
     plan = whom
@@ -263,17 +289,21 @@ def train(args: TrainArgs) -> RunFolder:
         most = f"{args.warmup_success:.0%} of it succeeds, or for {args.warmup_steps:,} steps"
         plan = f"shooting practice until {most}; then {whom}"
     print(f"{folder.path}: {steps:,} steps in all: {plan}. Ctrl-C stops early and keeps everything.")
-    bar = ProgressBarCallback()
+    bar = ProgressBar()
     with until_ctrl_c(bar, f"Stopped. Go on with: python -m scripts.{args.command} --resume {folder.path}"):
         if practising and model.num_timesteps < steps:
             practice = Practice(args.warmup_steps, args.warmup_success)
-            _learn(model, steps, args.seed, make_env(args, "hit", ["idle"]), [practice, watch, bar])
+            seed_learning(model, make_env(args, "hit", ["idle"]), "practice", args.seed)
+            model.lr_schedule = Falling(args.learning_rate, begins=1.0)
+            _learn(model, steps, [practice, watch, bar])
             history["practice"] = model.num_timesteps if practice.over else None
         if model.num_timesteps < steps:
             if practising:
                 print(f"Practice is over after {model.num_timesteps:,} steps; now {whom}.")
             opponents, callbacks = (None, []) if league is None else (league.pool, [league])
-            _learn(model, steps, args.seed, make_env(args, "point", opponents), [*callbacks, watch, bar])
+            seed_learning(model, make_env(args, "point", opponents), "training", args.seed)
+            model.lr_schedule = Falling(args.learning_rate, begins=(history["practice"] or 0) / steps)
+            _learn(model, steps, [*callbacks, watch, bar])
     if practising and (history["practice"] or model.num_timesteps) >= steps:
         print(f"All of it was shooting practice: with more --steps the agent would have played {whom}.")
     print("Playing for the report ...")
@@ -302,7 +332,7 @@ def _take_over(model: PPO, folder: RunFolder) -> None:
     Raises:
         ValueError: it is of another shape.
     """
-    network = {**load_ppo(folder.model).policy.state_dict(), "log_std": model.policy.log_std}
+    network = {**read_model(folder.model).params["policy"], "log_std": model.policy.log_std}
     try:
         model.policy.load_state_dict(network)
     except RuntimeError as error:
@@ -326,13 +356,10 @@ class Practice(BaseCallback):
         return not self.over
 
 
-def _learn(model: PPO, steps: int, seed: int, env: VecMonitor, callbacks: list[BaseCallback]) -> None:
-    """Train in an environment until the run has these steps in all, or until a callback ends it."""
-    env.seed(seed + model.num_timesteps)  # in a resumed run, other tables than those that were played
-    model.set_env(env)
+def _learn(model: PPO, steps: int, callbacks: list[BaseCallback]) -> None:
+    """Train until the run has these steps in all, or until a callback ends it."""
     left = steps - model.num_timesteps
     model.learn(left, callback=CallbackList(callbacks), reset_num_timesteps=model.num_timesteps == 0)
-    env.close()
 
 
 def report(folder: RunFolder, args: TrainArgs, history: dict[str, Any]) -> None:
@@ -342,7 +369,10 @@ def report(folder: RunFolder, args: TrainArgs, history: dict[str, Any]) -> None:
     from airhockey_env.policy import MlpPolicy
 
     policy = MlpPolicy.load(folder.policy)
-    results = [play_points(policy, name, args.report_points, seed=2, table=args.table) for name in OPPONENTS]
+    results = [
+        play_points(policy, name, args.report_points, seed=args.seed, purpose="report", table=args.table)
+        for name in OPPONENTS
+    ]
     history["report"] = [result.as_dict() for result in results]
     write_json(folder.evaluations, history)
     print_results(results)

@@ -8,43 +8,32 @@ from typing import Any
 
 from agents.evaluation import Result, TaskResult, wilson_interval
 from agents.plots import plain, save_figure
+from agents.tables import print_table
 
 
 def print_results(results: Sequence[Result]) -> None:
-    """Print wins, losses, draws and the win rates with their 95 % Wilson intervals; fits into 80 columns."""
-    from rich.console import Console
-    from rich.table import Table
-
+    """Print wins, losses, draws and the win rates with their 95 % Wilson intervals."""
     points = results[0].points if results else 0
-    table = Table(title=f"{points} points each, half of them on each side of the table", padding=(0, 1), box=None)
-    for name in ("opponent", "wins", "losses", "draws", "win rate (95 %)", "of decided (95 %)", "s/point"):
-        table.add_column(name, justify="left" if name == "opponent" else "right", no_wrap=True)
-    for result in results:
-        table.add_row(
+    heads = ("opponent", "wins", "losses", "draws", "win rate (95 %)", "of decided (95 %)", "s/point")
+    rows = [
+        (
             result.opponent,
             *(str(number) for number in (result.wins, result.losses, result.draws)),
             _share(result.wins, result.points),
             _share(result.wins, result.wins + result.losses),
             f"{result.seconds:.1f}",
         )
-    Console().print(table)
+        for result in results
+    ]
+    print_table(f"{points} points each, half of them on each side of the table", [heads, *rows])
 
 
 def print_task_result(result: TaskResult) -> None:
-    """Print successes, failures and the success rate with its 95 % Wilson interval; fits into 80 columns."""
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(title=f"{result.episodes} episodes", padding=(0, 1), box=None)
-    for name in ("task", "successes", "failures", "by time", "success rate (95 %)", "s/episode"):
-        table.add_column(name, justify="left" if name == "task" else "right", no_wrap=True)
-    table.add_row(
-        result.task,
-        *(str(number) for number in (result.successes, result.failures, result.timeouts)),
-        _share(result.successes, result.episodes),
-        f"{result.seconds:.1f}",
-    )
-    Console().print(table)
+    """Print successes, failures and the success rate with its 95 % Wilson interval."""
+    heads = ("task", "successes", "failures", "by time", "success rate (95 %)", "s/episode")
+    counts = (str(number) for number in (result.successes, result.failures, result.timeouts))
+    row = (result.task, *counts, _share(result.successes, result.episodes), f"{result.seconds:.1f}")
+    print_table(f"{result.episodes} episodes", [heads, row])
 
 
 def _share(wins: int, points: int) -> str:

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.callbacks import ProgressBarCallback
 from stable_baselines3.common.logger import KVWriter, Logger, configure
 
 from agents.files import write_json
+from agents.learning import ProgressBar
 from agents.models import export_policy
 from airhockey_env.files import replace
 from airhockey_env.records import OBSERVATION_SIZE
@@ -111,13 +111,12 @@ def _save_zip(model: BaseAlgorithm, path: Path) -> None:
 
 
 @contextlib.contextmanager
-def until_ctrl_c(bar: ProgressBarCallback, stopped: str) -> Iterator[None]:
+def until_ctrl_c(bar: ProgressBar, stopped: str) -> Iterator[None]:
     """Let Ctrl-C end what is within, and nothing else; `stopped` is printed then."""
     try:
         yield
     except KeyboardInterrupt:
-        if hasattr(bar, "pbar"):
-            bar.pbar.close()  # or it would go on drawing over the report
+        bar.close()  # or it would go on drawing over the report
         print(f"\n{stopped}")
 
 

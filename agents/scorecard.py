@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.evaluation import CONTROL_HZ, Policy, Result, TaskResult, play_points, play_task, wilson_interval
+from agents.evaluation import CONTROL_HZ, Result, TaskResult, play_points, play_task, wilson_interval
+from agents.models import Player
 from agents.shots import FORWARD, SHOT, Recorder, play_on
 from airhockey_env.game import Game
 from airhockey_env.records import LEFT, PUCK, RIGHT
@@ -138,8 +139,8 @@ def quartiles(values: NDArray[np.float64]) -> list[float]:
 
 
 def measure(
-    player: Policy | str,
-    opponent: Policy | str,
+    player: Player,
+    opponent: Player,
     *,
     player_name: str,
     opponent_name: str,

@@ -12,52 +12,44 @@ from numpy.typing import NDArray
 
 from agents.plots import plain, save_figure
 from agents.scorecard import Card, Share, Shots, quartiles
+from agents.tables import print_table
 from airhockey_env.tables import TableSpec
 
 BLUE, RED, GREY = "#2f6fdd", "#e5395b", "#8a8f9c"
 
 
 def print_card(card: Card) -> None:
-    """Print everything that was measured, with 95 % intervals; fits into 80 columns."""
-    from rich.console import Console
-    from rich.table import Table
-
-    console = Console()
-    opponent = card.result.opponent
-
-    def table(title: str, *columns: str, header: bool = True) -> Table:
-        made = Table(title=title, padding=(0, 1), box=None, show_header=header)
-        for k, name in enumerate(columns):
-            made.add_column(name, justify="right" if k else "left")
-        return made
-
-    title = f"Shots of {card.player}, in play against {opponent} and in the task hit"
-    shots = table(title, "", "shots", "on target (95 %)", "scored (95 %)", "m/s (quartiles)")
-    for where, kinds in (("play", card.shots), ("hit", card.hit_shots)):
-        for kind, row in kinds.items():
-            share = (_share(row.on_target), _share(row.scored))
-            shots.add_row(f"{where}, {kind}", str(len(row.speeds)), *share, _quartiles(row.speeds, 1))
-    console.print(shots)
-    saves = table("Shots on target that were kept out", "m/s", "in play (95 %)", "in the task defend (95 %)")
-    for saved in card.saves:
-        saves.add_row(_class(saved.low, saved.high), *(_counted(share) for share in (saved.play, saved.defend)))
-    console.print(saves)
-    rest = table("The rest", "", "", header=False)
-    result = card.result
-    rest.add_row("points won, lost, drawn", f"{result.wins}, {result.losses}, {result.draws}")
-    rest.add_row("time attacking", f"{card.attacking:.1%}")
-    rest.add_row("  puck on the far half", f"{card.zone:.1%}")
-    rest.add_row("  in possession on the near half", f"{card.possession:.1%}")
-    rest.add_row("fouls (shot clock), in an hour of play", f"{card.fouls} ({card.per_hour(card.fouls):.1f})")
-    rest.add_row("own goals, of all goals against", _counted(Share(card.own_goals, result.losses)))
-    rest.add_row("  of these, shots on target off its paddle", str(card.deflected))
+    """Print everything that was measured, with 95 % intervals."""
+    opponent, result = card.result.opponent, card.result
+    rows = [
+        (
+            f"{where}, {kind}", str(len(row.speeds)), _share(row.on_target), _share(row.scored),
+            _quartiles(row.speeds, 1),
+        )
+        for where, kinds in (("play", card.shots), ("hit", card.hit_shots))
+        for kind, row in kinds.items()
+    ]  # fmt: skip
+    heads: tuple[str, ...] = ("", "shots", "on target (95 %)", "scored (95 %)", "m/s (quartiles)")
+    print_table(f"Shots of {card.player}, in play against {opponent} and in the task hit", [heads, *rows])
+    kept = [(_class(saved.low, saved.high), _counted(saved.play), _counted(saved.defend)) for saved in card.saves]
+    heads = ("m/s", "in play (95 %)", "in the task defend (95 %)")
+    print_table("Shots on target that were kept out", [heads, *kept])
+    rest = [
+        ("points won, lost, drawn", f"{result.wins}, {result.losses}, {result.draws}"),
+        ("time attacking", f"{card.attacking:.1%}"),
+        ("  puck on the far half", f"{card.zone:.1%}"),
+        ("  in possession on the near half", f"{card.possession:.1%}"),
+        ("fouls (shot clock), in an hour of play", f"{card.fouls} ({card.per_hour(card.fouls):.1f})"),
+        ("own goals, of all goals against", _counted(Share(card.own_goals, result.losses))),
+        ("  of these, shots on target off its paddle", str(card.deflected)),
+    ]
     for kind, times in card.reaction.items():
         reacted = Share(int(np.isfinite(times).sum()), len(times))
-        rest.add_row(f"reaction to {kind} shots, s (quartiles)", _quartiles(times))
-        rest.add_row("  set off at all", _counted(reacted))
+        rest.append((f"reaction to {kind} shots, s (quartiles)", _quartiles(times)))
+        rest.append(("  set off at all", _counted(reacted)))
     for task in (card.hit, card.defend):
-        rest.add_row(f"successes in task {task.task}", _counted(Share(task.successes, task.episodes)))
-    console.print(rest)
+        rest.append((f"successes in task {task.task}", _counted(Share(task.successes, task.episodes))))
+    print_table("The rest", [("", ""), *rest])
 
 
 def _share(share: Share) -> str:

@@ -10,47 +10,50 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
-from agents.evaluation import MAX_EPISODE_STEPS
+from agents.models import Player, join, seated
+from agents.seeding import table_seeds
 from airhockey_env.face import draw_row
 from airhockey_env.files import replace
 from airhockey_env.game import Game
-from airhockey_env.policy import MlpPolicy
 from airhockey_env.records import AUTORESET_NEXT_STEP
 from airhockey_env.render import Renderer
+from airhockey_env.tasks import TASKS
 
 SUFFIXES = (".gif", ".mp4")
 
 
 def frames_of_play(
-    player: MlpPolicy | str,
-    opponent: MlpPolicy | str,
+    player: Player,
+    opponent: Player,
     seconds: float,
     *,
     seed: int = 0,
     fps: int = 25,
     size: tuple[int, int] | None = None,
-    points: int = 7,
+    task: str = "match",
     table: str = "full_size",
 ) -> Iterator[NDArray[np.uint8]]:
-    """Pictures of a match, (height, width, 3) uint8 each, `fps` for a second of play.
+    """Pictures of a match or of a task, (height, width, 3) uint8 each, `fps` for a second of play.
 
     Args:
-        player, opponent: policies or scripted opponents' names, for the left and the right paddle.
-        seconds: of play.
-        points: that win the match, after which the next begins.
+        player, opponent: as `play_points` takes them, for the left and the right paddle.
+        seconds: of play; when an episode ends, the next begins.
+        task: a key of `TASKS`.
     """
     control_hz = 50.0
+    own, other = seated(player), seated(opponent)
     game = Game(
         1,
-        player=player if isinstance(player, str) else None,
-        opponent=opponent if isinstance(opponent, str) else None,
-        points=points,
-        max_episode_steps=MAX_EPISODE_STEPS * 2 * points,
+        task=task,
+        player=own if isinstance(own, str) else None,
+        opponent=other if isinstance(other, str) else None,
+        max_episode_steps=TASKS[task].max_episode_steps,
         autoreset=AUTORESET_NEXT_STEP,
         control_hz=control_hz,
         table=table,
     )
-    game.seed([seed])
+    join(game, own, other)
+    game.seed(table_seeds("video", seed, 1))
     game.reset()
     renderer = Renderer(game.spec, size)
     still = np.zeros((1, 2), np.float32)
@@ -59,8 +62,8 @@ def frames_of_play(
         if step >= shown:
             yield draw_row(renderer, game, 0)
             shown += control_hz / fps
-        left = still if isinstance(player, str) else game.check_actions(player(game.out.observation))
-        right = still if isinstance(opponent, str) else game.check_actions(opponent(game.out.other_observation))
+        left = still if isinstance(own, str) else game.check_actions(own(game.out.observation))
+        right = still if isinstance(other, str) else game.check_actions(other(game.out.other_observation))
         game.step(left, right)
 
 

@@ -10,6 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env.spaces import DIRECTIONS
 
+NO_LIMIT = -1
+"""`max_episode_steps` of episodes that are never truncated, as in `gymnasium.make`."""
+
 
 def check_whole(name: str, value: Any, least: int, most: float = 2**31 - 1) -> int:
     """A whole number from `least` to `most`."""
@@ -18,6 +21,23 @@ def check_whole(name: str, value: Any, least: int, most: float = 2**31 - 1) -> i
         limit = "up" if math.isinf(most) else f"to {most}"
         raise ValueError(f"{name} must be a whole number from {least} {limit}, got {value!r}")
     return int(value)
+
+
+def check_limit(steps: Any, registered: int, name: str = "max_episode_steps") -> int:
+    """The number of steps that truncate an episode, 0 for never.
+
+    Args:
+        steps: as in `gymnasium.make`: None for what the environment registers, -1 for no limit, or a whole number.
+        registered: the limit of the task's registered environment.
+        name: what errors call the argument.
+    """
+    if steps is None:
+        return registered
+    most = 2**31 - 1
+    whole = isinstance(steps, (int, np.integer)) and not isinstance(steps, bool)
+    if not whole or not (steps == NO_LIMIT or 1 <= steps <= most):
+        raise ValueError(f"{name} must be None, -1 (no limit) or a whole number from 1 to {most}, got {steps!r}")
+    return 0 if steps == NO_LIMIT else int(steps)
 
 
 def check_number(name: str, value: Any, low: float, high: float) -> float:

@@ -8,10 +8,10 @@ from typing import Any
 import gymnasium as gym
 from numpy.typing import NDArray
 
-from airhockey_env.checks import check_seed
+from airhockey_env.checks import NO_LIMIT, check_number, check_seed
 from airhockey_env.face import TableFace
 from airhockey_env.game import Game
-from airhockey_env.players import Policy, check_opponent
+from airhockey_env.players import Opponent, check_opponent
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.tables import TableSpec
 from airhockey_env.threads import one_at_a_time
@@ -109,7 +109,7 @@ class AirHockeyEnv(TableFace, gym.Env):
     towards you any more, or slower than 0.3 m/s; success is no goal against.
 
     `gymnasium.make` truncates after the steps in the table above (at 50 Hz 30 s, 5 min, 10 s and 5 s), which is no
-    success; `max_episode_steps` changes that.
+    success; `max_episode_steps` changes that, and -1 turns it off.
 
     ## Info
     Arrays and scalars of fixed shape and dtype: `score`: (2,) int32, own and opponent's. `foul`: bool, True on
@@ -123,15 +123,15 @@ class AirHockeyEnv(TableFace, gym.Env):
     | argument | values | default |
     |---|---|---|
     | `task` | `"point"`, `"match"`, `"hit"`, `"defend"`; each registered id sets it, with the opponent and the limit above; alone it leaves these as they are | `"point"` |
-    | `opponent` | `"idle"`, `"random"`, `"goalie"`, `"striker"`, the trained `"adept"` and `"expert"`, or a callable: float32 observations (N, 13) from its own side to actions (N, 2) | `"striker"` |
+    | `opponent` | `"idle"`, `"random"`, `"goalie"`, `"striker"`, the trained `"adept"` and `"expert"`, the path of a `policy.npz` or of a run's folder, or a callable: float32 observations (N, 13) from its own side to actions (N, 2) | `"striker"` |
     | `opponent_skill` | 0 to 1: share of its paddle's speed that a scripted opponent uses | 1.0 |
-    | `table` | `"full_size"`, `"challenge"`, `"ideal"` or a `TableSpec` | `"full_size"` |
+    | `table` | `"full_size"`, `"challenge"`, `"ideal"`, a `TableSpec`, or a mapping of its fields | `"full_size"` |
     | `obs_type` | `"state"`, `"rgb"`, `"grayscale"`, see above; a callable opponent sees states all the same | `"state"` |
     | `continuous` | True or False, see above | True |
     | `reward` | `"sparse"` or `"shaped"` | `"sparse"` |
     | `control_hz` | 10 to 240: control steps per second | 50 |
     | `randomize` | None, or a mapping from `TableSpec` fields to (low, high): drawn anew for every episode | None |
-    | `max_episode_steps` | whole number or None: truncates inside the environment (without `gymnasium.make`) | None |
+    | `max_episode_steps` | steps after which an episode is truncated; None: those of the task's id, see above; -1: no limit. `gymnasium.make` truncates around the environment, so without it there is no limit unless it is given | -1 |
     | `render_mode` | None, `"rgb_array"`, `"human"` | None |
     | `render_size` | (width, height) px or None | None |
 
@@ -147,15 +147,15 @@ class AirHockeyEnv(TableFace, gym.Env):
         self,
         *,
         task: str = "point",
-        opponent: str | Policy = "striker",
+        opponent: Opponent = "striker",
         opponent_skill: float = 1.0,
-        table: str | TableSpec = "full_size",
+        table: str | TableSpec | Mapping[str, float] = "full_size",
         obs_type: str = "state",
         continuous: bool = True,
         reward: str = "sparse",
         control_hz: float = 50,
         randomize: Mapping[str, tuple[float, float]] | None = None,
-        max_episode_steps: int | None = None,
+        max_episode_steps: int | None = NO_LIMIT,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
     ) -> None:
@@ -219,6 +219,23 @@ class AirHockeyEnv(TableFace, gym.Env):
         if self.render_mode == "human":
             self.render()
         return self._observation(), float(out.reward[0]), terminated, bool(out.truncated[0]), info
+
+    @property
+    def opponent_skill(self) -> float:
+        """The share of its speed that a scripted opponent uses, 0 to 1; it can be set, as by `set_opponent_skill`."""
+        return float(self._game.tables["skill"][0, 1])
+
+    @opponent_skill.setter
+    def opponent_skill(self, skill: float) -> None:
+        self.set_opponent_skill(skill)
+
+    def set_opponent_skill(self, skill: float) -> None:
+        """Set the share of its speed that a scripted opponent uses, from the next step on.
+
+        Raises:
+            ValueError: it is not a number from 0 to 1. Nothing has changed then.
+        """
+        self._game.set_opponent_skill(check_number("opponent_skill", skill, 0.0, 1.0))
 
     @one_at_a_time
     def observe(self) -> NDArray[Any]:

@@ -66,7 +66,7 @@ class TableFace(Face):
         wall or post), `x`, `y` (m), the unit normal `nx`, `ny` that points from b to a, and `impulse` (kg m/s). At most
         8 are kept, which only a squeezed puck exceeds.
         """
-        return self._game.contacts()[0, : self._game.out.n_contacts[0]]
+        return self._game.contacts_of(0)
 
     @one_at_a_time
     def get_state(self) -> NDArray[np.void]:
@@ -87,7 +87,7 @@ class TableFace(Face):
     def render(self) -> NDArray[np.uint8] | None:
         """The picture as (height, width, 3) uint8 in `"rgb_array"` mode; shows it in a window in `"human"` mode."""
         if self._renderer is None:
-            logger.warn("render() needs a render_mode: make the environment with render_mode='rgb_array'")
+            warn_of_no_render_mode()
             return None
         frame = draw_row(self._renderer, self._game, 0)
         if self.render_mode == "rgb_array":
@@ -195,11 +195,17 @@ class BatchFace(Face):
         game.check_begun(rows)
         return game.observations() if indices is None else game.shown(game.out.observation[rows], rows)
 
-    def _pictures(self) -> list[NDArray[np.uint8]] | None:
-        """A picture of every table, or None without a render_mode."""
+    def _render_row(self, row: int) -> Any:
+        """What is rendered of one table, or None without a render_mode."""
         if self._renderer is None:
+            warn_of_no_render_mode()
             return None
-        return [draw_row(self._renderer, self._game, i) for i in range(self._game.num_tables)]
+        return draw_row(self._renderer, self._game, row)
+
+
+def warn_of_no_render_mode() -> None:
+    """Say why there is nothing to see."""
+    logger.warn("render() needs a render_mode: make the environment with render_mode='rgb_array'")
 
 
 def make_renderer(spec: TableSpec, size: tuple[int, int] | None) -> Any:

@@ -1,13 +1,21 @@
-"""Files written so that a crash or a full disk never leaves half of one, and read so that errors say what they are."""
+"""Files written so that a crash or a full disk never leaves half of one, and read so that errors say what they are.
+
+What is read may come from a stranger: nothing in it is run, and nothing is expanded before its size is known.
+"""
 
 from __future__ import annotations
 
+import math
 import os
+import zipfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+from numpy.lib import format as npy
+
+_READERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+"""Of the headers of arrays; the later one is for records of very many fields."""
 
 
 def replace(path: str | Path, write: Callable[[Path], object]) -> None:
@@ -21,27 +29,82 @@ def replace(path: str | Path, write: Callable[[Path], object]) -> None:
         part.unlink(missing_ok=True)
 
 
-def read_arrays(path: str | Path, writer: str, needed: Sequence[str]) -> dict[str, Any]:
+def check_archive(archive: zipfile.ZipFile, most: int) -> None:
+    """Check what a zip file says of its members, before any of them is expanded.
+
+    Args:
+        archive: the open file.
+        most: bytes that all of them may come to.
+
+    Raises:
+        ValueError: they come to more, or two have the same name.
+    """
+    members = archive.infolist()
+    if len({member.filename for member in members}) < len(members):
+        raise ValueError("it has two members of the same name")
+    size = sum(member.file_size for member in members)
+    if size > most:
+        raise ValueError(f"it would unpack to {size:,} bytes, and may to {most:,}")
+
+
+def pairs_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A JSON object, for `json.loads(..., object_pairs_hook=pairs_once)`.
+
+    Raises:
+        ValueError: a name stands in it twice.
+    """
+    result = dict(pairs)
+    if len(result) < len(pairs):
+        raise ValueError("a name stands twice in one object")
+    return result
+
+
+def read_arrays(path: str | Path, writer: str, needed: Sequence[str], most: int) -> dict[str, Any]:
     """The arrays of an .npz file that `writer` wrote.
 
     Args:
         needed: names that must be among them.
+        most: bytes that they may come to all together.
 
     Raises:
         OSError: the file cannot be opened.
-        ValueError: it is of another kind, or damaged; the message says of the file what "it" is.
+        ValueError: it is of another kind, too large or damaged; the message says of the file what "it" is.
     """
     with Path(path).open("rb") as stream:
         if stream.read(2) != b"PK":  # all zip files begin so; what else NumPy can read is a single array or a pickle
             raise ValueError(f"it is not an .npz file as {writer} writes it")
         stream.seek(0)
         try:
-            with np.load(stream, allow_pickle=False) as file:
-                names = list(file.files)
+            with zipfile.ZipFile(stream) as archive:
+                names = [name.removesuffix(".npy") for name in archive.namelist()]
                 missing = [name for name in needed if name not in names]
                 if not missing:
-                    return {name: file[name] for name in names}
+                    check_archive(archive, most)
+                    for member in archive.infolist():
+                        _check_array(archive, member)
+                    return {name: _read_array(archive, f"{name}.npy") for name in names}
         except Exception as error:  # whatever damage makes of it
-            raise ValueError(f"it is a damaged .npz file, or not one as {writer} writes it") from error
+            reason = f": {error}" if isinstance(error, ValueError) else ""
+            raise ValueError(f"it is a damaged .npz file, or not one as {writer} writes it{reason}") from error
     found = ", ".join(map(repr, names[:4])) or "nothing"
     raise ValueError(f"it is a file of something else: {writer} writes {missing[0]!r}, and in it there is {found}")
+
+
+def _check_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> None:
+    """Whether a member is as long as the array that its header tells of. Objects, which are pickles, are refused."""
+    with archive.open(member) as file:
+        reader = _READERS.get(npy.read_magic(file))
+        if reader is None:
+            raise ValueError(f"{member.filename!r} is an array of another version")
+        shape, _, dtype = reader(file)
+        if dtype.hasobject:
+            raise ValueError(f"{member.filename!r} holds objects in place of numbers")
+        if any(type(side) is not int or side < 0 for side in shape):
+            raise ValueError(f"{member.filename!r} is of shape {shape}")
+        if math.prod(shape) * dtype.itemsize != member.file_size - file.tell():
+            raise ValueError(f"{member.filename!r} is not as long as an array of shape {shape} and type {dtype}")
+
+
+def _read_array(archive: zipfile.ZipFile, name: str) -> Any:
+    with archive.open(name) as file:
+        return npy.read_array(file, allow_pickle=False)

@@ -11,13 +11,33 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env import kernel
-from airhockey_env.checks import check_directions, check_number, check_rows, check_skill, check_velocities, check_whole
+from airhockey_env.checks import (
+    NO_LIMIT,
+    check_directions,
+    check_limit,
+    check_number,
+    check_rows,
+    check_skill,
+    check_velocities,
+    check_whole,
+)
 from airhockey_env.compiled import machine_code, records
 from airhockey_env.engine.records import CONTACT
 from airhockey_env.opponents import EXTERNAL
 from airhockey_env.physics import FIELDS, check_ranges, physics_record, spec_of, with_spec
 from airhockey_env.pixels import CHANNELS, Pixels
-from airhockey_env.players import Group, Opponent, answers_of, check_opponent, groups_of, number_of, pool_of, scripted
+from airhockey_env.players import (
+    Group,
+    Opponent,
+    Policy,
+    answers_of,
+    check_opponent,
+    groups_of,
+    member_of,
+    number_of,
+    pool_of,
+    scripted,
+)
 from airhockey_env.random_stream import stream_from_seed
 from airhockey_env.records import (
     AUTORESET_DISABLED,
@@ -102,7 +122,7 @@ class Game:
         self,
         num_tables: int,
         *,
-        table: str | TableSpec = "full_size",
+        table: str | TableSpec | Mapping[str, float] = "full_size",
         player: str | None = None,
         opponent: Opponent | Sequence[Opponent] | None = "striker",
         opponent_skill: ArrayLike = 1.0,
@@ -112,7 +132,7 @@ class Game:
         control_hz: float = 50,
         task: str = "point",
         points: int | None = None,
-        max_episode_steps: int | None = None,
+        max_episode_steps: int | None = NO_LIMIT,
         autoreset: int = AUTORESET_DISABLED,
         randomize: Mapping[str, Any] | None = None,
         num_threads: int | None = None,
@@ -133,7 +153,6 @@ class Game:
         self.continuous = bool(continuous)
         self.control_hz = check_number("control_hz", control_hz, *CONTROL_HZ)
         skill = check_skill(opponent_skill, self.num_tables)
-        max_steps = 0 if max_episode_steps is None else check_whole("max_episode_steps", max_episode_steps, 1)
         self.threads = Threads(None if num_threads is None else check_whole("num_threads", num_threads, 1))
 
         self.ranges = check_ranges(self.spec, {} if randomize is None else randomize)
@@ -146,7 +165,7 @@ class Game:
             raise ValueError(f"task must be one of {sorted(TASKS)}, got {task!r}")
         self.settings["task"] = TASKS[task].number
         self.settings["points"] = TASKS[task].points if points is None else check_whole("points", points, 1)
-        self.settings["max_steps"] = max_steps
+        self.settings["max_steps"] = check_limit(max_episode_steps, TASKS[task].max_episode_steps)
         self.settings["shaped"] = reward == "shaped"
         self.settings["autoreset"] = autoreset
         self.settings["randomized"] = bool(self.randomized)
@@ -184,7 +203,7 @@ class Game:
 
     # What a caller does -----------------------------------------------------------------------------------------
 
-    def seed(self, seeds: list[int | None] | NDArray[np.int64]) -> None:
+    def seed(self, seeds: Sequence[int | None] | NDArray[np.int64]) -> None:
         """Start the random stream of every table whose seed is not None anew."""
         for i, seed in enumerate(seeds):
             if seed is not None:
@@ -259,8 +278,8 @@ class Game:
         self.threads.share(n, ROWS_PER_THREAD, self._step_rows, targets, others)
 
     @property
-    def opponents(self) -> tuple[Opponent, ...]:
-        """The pool of opponents; with `opponent=None`, empty."""
+    def opponents(self) -> tuple[str | Policy, ...]:
+        """The pool of opponents: names, and policies (those of files too); with `opponent=None`, empty."""
         return tuple(member for member in self._pool if member is not None)
 
     def set_opponents(self, indices: ArrayLike, tables: ArrayLike | None = None) -> None:
@@ -295,8 +314,7 @@ class Game:
         """
         self._check_one_player()
         index = check_whole("index", index, 0, len(self._pool) - 1)
-        number_of(check_opponent(opponent))
-        self._pool[index] = opponent
+        self._pool[index] = member_of(check_opponent(opponent))
         self._seat(np.flatnonzero(self.tables["opponent"] == index))
 
     def add_opponent(self, opponent: Opponent) -> int:
@@ -306,8 +324,7 @@ class Game:
             ValueError: no such opponent. Nothing has changed then.
         """
         self._check_one_player()
-        number_of(check_opponent(opponent))
-        self._pool.append(opponent)
+        self._pool.append(member_of(check_opponent(opponent)))
         self._seat(self.check_rows([]))
         return len(self._pool) - 1
 
@@ -366,6 +383,10 @@ class Game:
         contacts = np.array(self.out.contacts, CONTACT, subok=False)
         contacts[np.arange(CONTACT_ROWS) >= self.out.n_contacts[:, np.newaxis]] = 0
         return contacts
+
+    def contacts_of(self, i: int) -> NDArray[np.void]:
+        """The contacts of the last step on table i, in the order of time, a copy: (n,) records of `CONTACT`."""
+        return np.array(self.out.contacts[i, : self.out.n_contacts[i]], CONTACT, subok=False)
 
     def get_state(self, indices: ArrayLike | None = None) -> NDArray[np.void]:
         """A copy of everything that decides what happens next on the given tables; None for all.

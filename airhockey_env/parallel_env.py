@@ -11,7 +11,7 @@ from gymnasium.error import DependencyNotInstalled, ResetNeeded
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
-from airhockey_env.checks import check_seed
+from airhockey_env.checks import check_limit, check_seed
 from airhockey_env.face import TableFace
 from airhockey_env.game import Game
 from airhockey_env.spaces import action_space, observation_space
@@ -19,7 +19,8 @@ from airhockey_env.tables import TableSpec
 from airhockey_env.threads import one_at_a_time
 
 try:
-    from pettingzoo.utils import parallel_to_aec
+    from pettingzoo.utils import OrderEnforcingWrapper
+    from pettingzoo.utils.conversions import parallel_to_aec_wrapper
     from pettingzoo.utils.env import AECEnv, ParallelEnv
 except ImportError as error:
     raise DependencyNotInstalled(
@@ -52,7 +53,8 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
         observations, rewards, terminations, truncations, infos = env.step(actions)
     ```
 
-    `parallel_env(**arguments)` of this module makes this environment, `env(**arguments)` its agent-by-agent (AEC) form.
+    `parallel_env(**arguments)` of this module makes this environment, `env(**arguments)` its agent-by-agent (AEC) form;
+    both call `max_episode_steps` `max_cycles` too, as PettingZoo does.
 
     ## Action space
     Of each agent, as in `AirHockeyEnv`: `Box(-1, 1, (2,), float32)`, the paddle's target velocity as the agent sees
@@ -88,14 +90,14 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
     ## Arguments
     | argument | values | default |
     |---|---|---|
-    | `task` | `"point"` or `"match"` (first to 7; give it more steps) | `"point"` |
-    | `table` | `"full_size"`, `"challenge"`, `"ideal"` or a `TableSpec` | `"full_size"` |
+    | `task` | `"point"` or `"match"` (first to 7) | `"point"` |
+    | `table` | `"full_size"`, `"challenge"`, `"ideal"`, a `TableSpec`, or a mapping of its fields | `"full_size"` |
     | `obs_type` | `"state"`, `"rgb"` or `"grayscale"`, as in `AirHockeyEnv` | `"state"` |
     | `continuous` | True or False, see above | True |
     | `reward` | `"sparse"` or `"shaped"` | `"sparse"` |
     | `control_hz` | 10 to 240: control steps per second | 50 |
     | `randomize` | None, or a mapping from `TableSpec` fields to (low, high): drawn anew for every episode | None |
-    | `max_episode_steps` | whole number or None: steps after which an episode is truncated | 1500 |
+    | `max_episode_steps` | steps that truncate an episode; None: 1500, in a match 15000; -1: no limit | None |
     | `render_mode` | None, `"rgb_array"`, `"human"` | None |
     | `render_size` | (width, height) px or None | None |
 
@@ -119,13 +121,13 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
         self,
         *,
         task: str = "point",
-        table: str | TableSpec = "full_size",
+        table: str | TableSpec | Mapping[str, float] = "full_size",
         obs_type: str = "state",
         continuous: bool = True,
         reward: str = "sparse",
         control_hz: float = 50,
         randomize: Mapping[str, tuple[float, float]] | None = None,
-        max_episode_steps: int | None = 1500,
+        max_episode_steps: int | None = None,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
     ) -> None:
@@ -281,11 +283,32 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
         }
 
 
-def parallel_env(**arguments: Any) -> AirHockeyParallelEnv:
-    """An `AirHockeyParallelEnv`, by the name that PettingZoo's modules have for it."""
+def parallel_env(*, max_cycles: int | None = None, **arguments: Any) -> AirHockeyParallelEnv:
+    """An `AirHockeyParallelEnv`, by the name that PettingZoo's modules have for it.
+
+    Args:
+        max_cycles: PettingZoo's name for `max_episode_steps`.
+        **arguments: those of `AirHockeyParallelEnv`.
+
+    Raises:
+        ValueError: an argument is out of range, or both names of that one are given.
+    """
+    if max_cycles is not None:
+        if "max_episode_steps" in arguments:
+            raise ValueError("max_cycles is another name for max_episode_steps: give one of them, got both")
+        check_limit(max_cycles, 0, "max_cycles")
+        arguments["max_episode_steps"] = max_cycles
     return AirHockeyParallelEnv(**arguments)
 
 
+def raw_env(**arguments: Any) -> AECEnv:
+    """A `parallel_env` in PettingZoo's agent-by-agent (AEC) form: `"left"`, then `"right"`, then the step.
+
+    Nothing enforces the order of calls: `env` does.
+    """
+    return parallel_to_aec_wrapper(parallel_env(**arguments))
+
+
 def env(**arguments: Any) -> AECEnv:
-    """An `AirHockeyParallelEnv` in PettingZoo's agent-by-agent (AEC) form: `"left"`, then `"right"`, then the step."""
-    return parallel_to_aec(parallel_env(**arguments))
+    """A `parallel_env` in PettingZoo's agent-by-agent (AEC) form, with the wrapper that enforces the order of calls."""
+    return OrderEnforcingWrapper(raw_env(**arguments))

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import functools
+import os
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env.checks import check_velocities
 from airhockey_env.opponents import EXTERNAL, SCRIPTED
+from airhockey_env.policy import MlpPolicy
 from airhockey_env.records import OBSERVATION_SIZE
 from airhockey_env.trained import TRAINED, resolved
 
@@ -19,8 +23,10 @@ NAMES = (*SCRIPTED, *TRAINED)
 Policy = Callable[[NDArray[np.float32]], ArrayLike]
 """An opponent from outside: float32 observations (N, 13), seen from its own side, to actions (N, 2)."""
 
-Opponent = str | Policy
-"""Who plays the right paddle: a name in `NAMES`, or a policy from outside."""
+Opponent = str | os.PathLike[str] | Policy
+"""Who plays the right paddle: a name in `NAMES`, the path of a `policy.npz` or of a run's folder, or a policy."""
+
+_ALLOWED = f"one of {NAMES}, the path of a policy.npz or of a run's folder, or a callable"
 
 
 def check_opponent(opponent: Any, several: bool = False) -> Any:
@@ -33,7 +39,7 @@ def check_opponent(opponent: Any, several: bool = False) -> Any:
         ValueError: None, or a sequence that will not do.
     """
     if opponent is None or (not several and _is_pool(opponent)):
-        raise ValueError(f"opponent must be one of {NAMES} or a callable, got {opponent!r}")
+        raise ValueError(f"opponent must be {_ALLOWED}, got {opponent!r}")
     return opponent
 
 
@@ -41,46 +47,72 @@ def _is_pool(opponent: Any) -> bool:
     return isinstance(opponent, Sequence) and not isinstance(opponent, (str, bytes)) and not callable(opponent)
 
 
-def pool_of(opponent: Any) -> list[Opponent | None]:
-    """The pool of opponents that an `opponent` argument means.
+def pool_of(opponent: Any) -> list[str | Policy | None]:
+    """The pool of opponents that an `opponent` argument means; None is a caller of `Game` who plays both paddles.
 
     Raises:
         ValueError: no such opponent, or no opponent at all.
     """
+    if opponent is None:
+        return [None]
     if not _is_pool(opponent):
-        number_of(opponent)
-        return [opponent]
+        return [member_of(opponent)]
     if not opponent:
         raise ValueError(f"opponent must be a player, or a sequence of one or more, got {opponent!r}")
-    for place, member in enumerate(opponent):
-        if not callable(member) and not (isinstance(member, str) and member in NAMES):
-            raise ValueError(
-                f"opponent must be one of {NAMES}, a callable, or a sequence of these, got {member!r} at "
-                f"place {place} of one"
-            )
-    return list(opponent)
+    return [member_of(member, f" at place {place}") for place, member in enumerate(opponent)]
+
+
+def member_of(opponent: Any, where: str = "") -> str | Policy:
+    """An opponent as a pool holds it: a name, or a policy; that of a file in place of its path.
+
+    Args:
+        opponent: as a caller gives it.
+        where: in a sequence, for the error.
+
+    Raises:
+        ValueError: no such opponent, or the file holds no policy.
+    """
+    if callable(opponent) or (isinstance(opponent, str) and opponent in NAMES):
+        return opponent
+    given, problem = os.fspath(opponent) if isinstance(opponent, os.PathLike) else opponent, ""
+    if given and isinstance(given, str):
+        try:
+            return _policy_at(Path(given))
+        except FileNotFoundError as error:
+            problem = f"; there is no file {error.filename}"
+        except (OSError, ValueError) as error:
+            problem = f"; {error}"
+    raise ValueError(f"opponent must be {_ALLOWED}, got {given!r}{where}{problem}")
+
+
+def _policy_at(path: Path) -> MlpPolicy:
+    """The policy of a file, or of a run's folder. One file is read once, as long as it stays the same."""
+    path = (path / "policy.npz" if path.is_dir() else path).resolve()
+    stat = path.stat()
+    return _policy_of(path, (stat.st_ino, stat.st_mtime_ns, stat.st_size))
+
+
+@functools.lru_cache(maxsize=64)
+def _policy_of(path: Path, version: tuple[int, ...]) -> MlpPolicy:
+    return MlpPolicy.load(path)
 
 
 def number_of(opponent: Opponent | None) -> int:
-    """The number of who drives the right paddle.
-
-    Raises:
-        ValueError: no such opponent.
-    """
-    return EXTERNAL if callable(resolved(opponent)) else scripted("opponent", opponent, f"{NAMES} or a callable")
+    """The number of who drives the right paddle: a member of a pool."""
+    return EXTERNAL if callable(resolved(opponent)) else scripted("opponent", opponent)
 
 
-def scripted(name: str, player: Any, allowed: str = f"{tuple(SCRIPTED)}") -> int:
+def scripted(name: str, player: Any) -> int:
     """The number of a scripted player; of None, whose actions come from outside.
 
     Raises:
-        ValueError: no such player: the argument `name` must be one of those `allowed`.
+        ValueError: no such player; the message calls the argument `name`.
     """
     if player is None:
         return EXTERNAL
     if isinstance(player, str) and player in SCRIPTED:
         return SCRIPTED[player]
-    raise ValueError(f"{name} must be one of {allowed}, got {player!r}")
+    raise ValueError(f"{name} must be one of {tuple(SCRIPTED)}, got {player!r}")
 
 
 class Group(NamedTuple):

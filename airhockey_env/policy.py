@@ -22,6 +22,9 @@ from airhockey_env.spaces import DIRECTIONS
 
 ACTIVATIONS = ("tanh", "relu")
 
+MOST_BYTES = 64 * 2**20
+"""Of a file, unpacked: sixteen million weights."""
+
 # A rational function that is tanh to float32's precision: the coefficients of Eigen's `ptanh` (MathFunctionsImpl.h).
 _TANH_END = np.float32(7.90531110763549805)
 _ODD = tuple(
@@ -163,12 +166,17 @@ class MlpPolicy:
             ValueError: the file does not hold a policy.
         """
         try:
-            arrays = read_arrays(path, "MlpPolicy.save", ("activation", "weight_0", "bias_0"))
+            arrays = read_arrays(path, "MlpPolicy.save", ("activation", "weight_0", "bias_0"), MOST_BYTES)
             layers = range(sum(name.startswith("weight_") for name in arrays))
             weights = [arrays[f"weight_{k}"] for k in layers]
             biases = [arrays[f"bias_{k}"] for k in layers]
-            squash = bool(arrays.get("squash", False))  # files of before it was there
-            return cls(weights, biases, str(arrays["activation"]), squash)
+            activation, squash = arrays["activation"], arrays.get("squash", np.False_)  # old files have no squash
+            kinds = "".join(array.dtype.kind for array in (*weights, *biases))
+            if activation.dtype.kind != "U" or squash.dtype.kind != "b" or activation.shape or squash.shape:
+                raise ValueError("activation must be a text and squash a bool")
+            if kinds.strip("f"):
+                raise ValueError("weights and biases must be floating-point numbers")
+            return cls(weights, biases, str(activation), bool(squash))
         except FileNotFoundError:
             raise
         except Exception as error:  # whatever a damaged file makes of it
@@ -178,7 +186,8 @@ class MlpPolicy:
 def _layers(name: str, arrays: Any) -> list[NDArray[np.float32]]:
     """Copies: weights that come from a model under training go on changing."""
     try:
-        layers = [np.array(array, np.float32, order="C") for array in arrays]
+        with np.errstate(over="ignore"):  # what float32 cannot hold is refused below
+            layers = [np.array(array, np.float32, order="C") for array in arrays]
     except (TypeError, ValueError) as error:
         raise ValueError(
             f"{name} must be one array of numbers a layer, got {type(arrays).__name__}: {error}"

@@ -6,16 +6,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env.game import Game
-from airhockey_env.players import Opponent
+from airhockey_env.players import Opponent, Policy
 from airhockey_env.threads import one_at_a_time
 
 
 class OpponentPool:
     """What `AirHockeyVectorEnv` and `AirHockeySB3VecEnv` have for a pool of opponents, whose members play in turn.
 
-    `opponent` may be a sequence of opponents' names and callables. Table i is assigned the member i modulo the
-    pool's size at first, whatever the number of tables; `set_opponents` changes that while playing. Every callable is
-    asked once a step, for all of its tables together, and its observations are valid until the next step.
+    `opponent` may be a sequence of opponents' names, paths of policies and callables. Table i is assigned the member i
+    modulo the pool's size at first, whatever the number of tables; `set_opponents` changes that while playing. Every
+    callable is asked once a step, for all of its tables together, and its observations are valid until the next step.
 
     ```python
     envs = gymnasium.make_vec("AirHockey-v0", num_envs=4096, opponent=["striker", old_policy]).unwrapped
@@ -35,8 +35,8 @@ class OpponentPool:
     _game: Game
 
     @property
-    def opponents(self) -> tuple[Opponent, ...]:
-        """The pool: names and callables."""
+    def opponents(self) -> tuple[str | Policy, ...]:
+        """The pool: names and callables; of a file, the policy in it."""
         return self._game.opponents
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -16,7 +17,9 @@ from airhockey_env.game import Game
 from airhockey_env.players import Opponent, check_opponent
 from airhockey_env.pool import OpponentPool
 from airhockey_env.records import AUTORESET_SAME_STEP
+from airhockey_env.reset_options import ResetOptions
 from airhockey_env.spaces import action_space, observation_space
+from airhockey_env.table_view import of_tables, set_of_tables
 from airhockey_env.threads import one_at_a_time
 
 try:
@@ -34,12 +37,15 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
     `TimeLimit.truncated`, `score`, `foul` and `is_success`; the infos of other steps are empty, so that a step of many
     tables does not make many objects. `VecMonitor` and the other wrappers of Stable-Baselines3 work on top.
 
+    `get_attr`, `set_attr` and `env_method` mean what they mean for a `DummyVecEnv` of `AirHockeyEnv`s: they are about
+    each table's own. What concerns the whole batch is called directly, through Stable-Baselines3's wrappers too.
+
     Pictures have an axis of channels, as Stable-Baselines3's `VecFrameStack` and `CnnPolicy` need it:
     `obs_type="grayscale"` gives (84, 84, 1) here.
 
     Args:
         num_envs: number of tables.
-        max_episode_steps: steps after which an episode is truncated, or None.
+        max_episode_steps: steps after which an episode is truncated; None: those of the task's id; -1: no limit.
         render_mode: None or `"rgb_array"`.
         render_size: as in `AirHockeyEnv`.
         opponent: as in `AirHockeyEnv`, or a sequence: a pool that the tables share and that can be changed while
@@ -54,7 +60,7 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
         num_envs: int,
         *,
         opponent: Opponent | Sequence[Opponent] = "striker",
-        max_episode_steps: int | None = 1500,
+        max_episode_steps: int | None = None,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
         **arguments: Any,
@@ -71,35 +77,74 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
         space = observation_space(game.obs_type)
         if game.obs_type == "grayscale":
             space = spaces.Box(0, 255, (*space.shape, 1), np.uint8)
+        metadata = self.metadata
         super().__init__(game.num_tables, space, action_space(game.continuous))
+        self.metadata = metadata  # which the constructor has replaced: VecVideoRecorder reads the rate of frames
 
     @one_at_a_time
     def reset(self) -> NDArray[Any]:
         """Begin an episode on every table; with the seeds of `seed` and the options of `set_options`, if given."""
-        options = [self._game.check_reset_options(one) for one in self._options]
+        groups = self._option_groups()
         if not self._seeded and self._seeds[0] is None:
             self.seed(int(np.random.SeedSequence().generate_state(1)[0]))
         self._game.seed(self._seeds)
         self._seeded = True
-        for row, one in enumerate(options):
-            self._game.reset(np.array([row]), one)
+        for rows, options in groups:
+            self._game.reset(rows, options)
         self._reset_seeds()
         self._reset_options()
-        self.reset_infos = [{} for _ in range(self.num_envs)]
         return self._with_channels(self._game.observations())
+
+    def _option_groups(self) -> list[tuple[NDArray[np.int64] | None, ResetOptions]]:
+        """The options of the next reset, checked, and the tables of each; None for all."""
+        check = self._game.check_reset_options
+        if not any(self._options):  # quickly
+            return [(None, check(None))]
+        rows_of: dict[Any, list[int]] = {}
+        checked: dict[Any, ResetOptions] = {}
+        for row, given in enumerate(self._options):
+            options = check(given)
+            key = (options.serve, *(None if pair is None else tuple(pair.tolist()) for pair in options[1:]))
+            checked[key] = options
+            rows_of.setdefault(key, []).append(row)
+        return [(np.array(rows), checked[key]) for key, rows in rows_of.items()]
+
+    @property
+    def reset_infos(self) -> list[dict[str, Any]]:
+        """The infos of the tables' last resets, as `DummyVecEnv` keeps them; `{}` before the first one."""
+        game = self._game
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        drawn = game.drawn()
+        for i in np.flatnonzero(game.tables["side"]):
+            infos[i] = {"score": np.zeros(2, np.int32), "foul": False, "is_success": False}
+            if game.randomized:
+                infos[i]["table"] = {name: values[i] for name, values in drawn.items()}
+        return infos
+
+    @reset_infos.setter
+    def reset_infos(self, infos: list[dict[str, Any]]) -> None:
+        """They follow from the tables: the constructor of `VecEnv` sets what there is no need to keep."""
 
     @one_at_a_time
     def observe(self, indices: Any = None) -> NDArray[Any]:
         """As `AirHockeyVectorEnv.observe`; pictures have their axis of channels."""
         return self._with_channels(super().observe(indices))
 
-    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+    def seed(self, seed: int | list[int] | tuple[int, ...] | None = None) -> Sequence[int | None]:
         """Seed the next reset: the first table with `seed`, the next with the number after it, and so on.
 
+        Args:
+            seed: as in Stable-Baselines3; or a list with one seed for each table.
+
         Raises:
-            ValueError: not a whole number from 0 up. Nothing has changed then.
+            ValueError: not whole numbers from 0 up, or not one for each table. Nothing has changed then.
         """
-        return super().seed(None if seed is None else check_seed(seed))
+        if not isinstance(seed, (list, tuple)):
+            return super().seed(None if seed is None else check_seed(seed))
+        if len(seed) != self.num_envs:
+            raise ValueError(f"seed must hold one seed for each of {self.num_envs} tables, got {len(seed)}")
+        self._seeds = [check_seed(one) for one in seed]
+        return self._seeds
 
     def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
         """Options of the next reset: those of `AirHockeyEnv.reset`, for all tables, or a list with one for each.
@@ -152,27 +197,55 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
 
     @one_at_a_time
     def get_images(self) -> Sequence[np.ndarray | None]:
-        """A picture of every table."""
-        return self._pictures() or [None] * self.num_envs
+        """A picture of every table; without a render_mode, a warning and None for every table."""
+        if self.render_mode is None:
+            warnings.warn("get_images() needs render_mode='rgb_array', got render_mode=None", stacklevel=2)
+            return [None] * self.num_envs
+        return [self._render_row(row) for row in range(self.num_envs)]
 
     def close(self) -> None:
         """End the threads of the batch."""
         self._game.threads.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """An attribute of the batch, once for each of the tables asked for."""
-        return [getattr(self, attr_name) for _ in self._rows(indices)]
+        """An attribute of each of these tables, as `DummyVecEnv` has it of its environments.
+
+        A table has what is its own of an `AirHockeyEnv`, such as `positions`, `table` or `opponent_skill`; see
+        `airhockey_env.table_view.TableView`.
+
+        Args:
+            attr_name: its name.
+            indices: number of a table, or numbers, counted from the end if negative; None for all.
+
+        Raises:
+            AttributeError: a table has none of this name.
+            IndexError, TypeError: there are no such tables.
+        """
+        return of_tables(self, attr_name, self._rows(indices))
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Set an attribute of the batch; the tables share it, so `indices` must be all of them."""
-        if len(self._rows(indices)) != self.num_envs:
-            raise ValueError(f"indices must be None: the tables share their attributes, got {indices!r}")
-        setattr(self, attr_name, value)
+        """Set an attribute of each of these tables: `"opponent_skill"` is the one that can be set.
+
+        Raises:
+            AttributeError: it cannot be set.
+            ValueError: the value will not do. Nothing has changed then.
+            IndexError, TypeError: there are no such tables.
+        """
+        rows = np.unique(np.array(self._rows(indices), np.int64))
+        set_of_tables(self, attr_name, [value] * len(rows), rows)
 
     def env_method(self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any) -> list[Any]:
-        """Call a method of the batch once; its result stands for each of the tables asked for."""
-        result = getattr(self, method_name)(*method_args, **method_kwargs)
-        return [result for _ in self._rows(indices)]
+        """Call a method of each of these tables, such as `set_opponent_skill`, `get_state` or `observe`.
+
+        What concerns the whole batch, such as the members of the pool of opponents, is called directly:
+        `VecMonitor(envs).set_opponent(0, policy)`.
+
+        Raises:
+            AttributeError: a table has no method of this name.
+            IndexError, TypeError: there are no such tables.
+        """
+        methods = of_tables(self, method_name, self._rows(indices))
+        return [method(*method_args, **method_kwargs) for method in methods]
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
         """No table is wrapped."""
@@ -181,6 +254,21 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
     def _with_channels(self, observations: NDArray[Any]) -> NDArray[Any]:
         return observations[..., None] if self._game.obs_type == "grayscale" else observations
 
-    def _rows(self, indices: Any) -> list[int]:
-        chosen: Iterable[int] = self._get_indices(indices)
-        return list(chosen)
+    def _spaces_of_a_table(self) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
+        return self.observation_space, self.action_space
+
+    def _rows(self, indices: Any) -> Sequence[int]:
+        """Numbers of tables, from what Stable-Baselines3 allows for `indices`."""
+        n = self.num_envs
+        if indices is None:
+            return range(n)
+        given = [indices] if isinstance(indices, (int, np.integer)) else indices
+        if not isinstance(given, Iterable) or isinstance(given, (str, bytes)):
+            raise TypeError(f"indices must be None, a whole number or some, got {indices!r}")
+        rows = list(given)
+        for row in rows:
+            if isinstance(row, bool) or not isinstance(row, (int, np.integer)):
+                raise TypeError(f"indices must be None, a whole number or some, got {indices!r}")
+            if not -n <= row < n:
+                raise IndexError(f"indices must be from {-n} to {n - 1}, got {indices!r}")
+        return [int(row) % n for row in rows]

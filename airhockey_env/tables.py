@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from numbers import Real
 from typing import Any
@@ -159,8 +160,10 @@ IDEAL = dataclasses.replace(
 PRESETS: dict[str, TableSpec] = {"full_size": FULL_SIZE, "challenge": CHALLENGE, "ideal": IDEAL}
 
 
-def resolve_table(table: str | TableSpec) -> TableSpec:
-    """Return the `TableSpec` that a `table` argument means: a preset's name or a spec.
+def resolve_table(table: str | TableSpec | Mapping[str, float]) -> TableSpec:
+    """Return the `TableSpec` that a `table` argument means: a preset's name, a spec, or a mapping of its fields.
+
+    The mapping names all fields that have no default, as `dataclasses.asdict(FULL_SIZE)` does.
 
     Raises:
         ValueError: not one of these.
@@ -169,4 +172,13 @@ def resolve_table(table: str | TableSpec) -> TableSpec:
         return table
     if isinstance(table, str) and table in PRESETS:
         return PRESETS[table]
-    raise ValueError(f"table must be one of {sorted(PRESETS)} or a TableSpec, got {table!r}")
+    if isinstance(table, Mapping):
+        fields = dataclasses.fields(TableSpec)
+        known = {field.name for field in fields}
+        needed = {field.name for field in fields if field.default is dataclasses.MISSING}
+        wrong = [f"{name!r} is no field" for name in table if name not in known]
+        wrong += [f"{name!r} is missing" for name in sorted(needed - table.keys())]
+        if wrong:
+            raise ValueError(f"table must be a mapping of the fields of a TableSpec, got one in which {wrong[0]}")
+        return TableSpec(**table)
+    raise ValueError(f"table must be one of {sorted(PRESETS)}, a TableSpec or a mapping of its fields, got {table!r}")

@@ -91,9 +91,10 @@ def _cores() -> int:
 def _wait_for_all(parts: list[Future[None]]) -> None:
     """Wait until all parts are done, however often Ctrl-C is pressed; it is raised afterwards."""
     interrupt = None
-    while not all(part.done() for part in parts):
+    while True:
         try:
             wait(parts)
+            break
         except KeyboardInterrupt as error:
             interrupt = error
     if interrupt is not None:

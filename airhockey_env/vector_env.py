@@ -6,18 +6,20 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium import Space
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env.checks import check_seed
-from airhockey_env.face import BatchFace
+from airhockey_env.face import BatchFace, warn_of_no_render_mode
 from airhockey_env.final_observations import FinalObservations
 from airhockey_env.game import Game
 from airhockey_env.players import Opponent, check_opponent
 from airhockey_env.pool import OpponentPool
 from airhockey_env.records import AUTORESET_DISABLED, AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP
 from airhockey_env.spaces import action_space, observation_space
+from airhockey_env.table_view import of_tables, set_of_tables
 from airhockey_env.tables import TableSpec
 from airhockey_env.threads import one_at_a_time
 
@@ -35,11 +37,13 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
 
     Args:
         num_envs: number of tables.
-        max_episode_steps: steps after which an episode is truncated, or None.
+        max_episode_steps: steps after which an episode is truncated; None: those of the task's id; -1: no limit.
         autoreset_mode: `NEXT_STEP` (the default), `SAME_STEP` or `DISABLED`, as a `gymnasium.vector.AutoresetMode` or
             its value. With `DISABLED`, reset the tables that are done by `reset(options={"reset_mask": mask})`.
         num_threads: threads that share a large batch; None takes all cores. The results do not depend on it.
-        render_mode: None or `"rgb_array"`; `render()` then returns a tuple of pictures, one a table.
+        render_mode: None; `"rgb_array"`, with which `render()` returns a tuple of pictures, one for each table; or
+            `"rgb_array_list"`, with which it returns a tuple of lists, the pictures of each table's episode since the
+            last call, as with Gymnasium's `RenderCollection`.
         task, opponent, opponent_skill, table, obs_type, continuous, reward, control_hz, randomize, render_size: as in
             `AirHockeyEnv`. A callable opponent is asked once a step, for all tables. `opponent` may also be a sequence,
             a pool that the tables share and that can be changed while playing: see `OpponentPool`. `opponent_skill`
@@ -53,7 +57,7 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012
-        "render_modes": ["rgb_array"],
+        "render_modes": ["rgb_array", "rgb_array_list"],
         "render_fps": 50,
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
@@ -62,13 +66,13 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
         self,
         num_envs: int = 1,
         *,
-        max_episode_steps: int | None = 1500,
+        max_episode_steps: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         num_threads: int | None = None,
         task: str = "point",
         opponent: Opponent | Sequence[Opponent] = "striker",
         opponent_skill: ArrayLike = 1.0,
-        table: str | TableSpec = "full_size",
+        table: str | TableSpec | Mapping[str, float] = "full_size",
         obs_type: str = "state",
         continuous: bool = True,
         reward: str = "sparse",
@@ -98,6 +102,9 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
             num_threads=num_threads,
         )
         self._show(game, render_mode, render_size)
+        self._films: list[list[NDArray[np.uint8]]] = [
+            [] for _ in range(num_envs if render_mode == "rgb_array_list" else 0)
+        ]
         self.metadata["autoreset_mode"] = self.autoreset_mode
         self.num_envs = game.num_tables
         self.single_observation_space = observation_space(game.obs_type)
@@ -137,6 +144,8 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
         self._seeded = True
         self._game.seed(seeds)
         self._game.reset(np.flatnonzero(mask), checked)
+        if self.render_mode == "rgb_array_list":
+            self._film(began=mask, played=mask)
         return self._game.observations(), self._infos(mask)
 
     @one_at_a_time
@@ -150,17 +159,76 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
             gymnasium.error.ResetNeeded: no episode has begun; or, with `DISABLED`, one of them is over.
         """
         game, out = self._game, self._game.out
+        over = game.tables["done"].copy() if self.render_mode == "rgb_array_list" else None
         game.step(game.check_actions(actions))
+        if over is not None:
+            same_step = self.autoreset_mode == AutoresetMode.SAME_STEP
+            self._film(began=out.terminated | out.truncated if same_step else over)
         infos = self._infos(None)
         if self.autoreset_mode == AutoresetMode.SAME_STEP:
             self._add_final(infos)
         return game.observations(), out.reward.copy(), out.terminated.copy(), out.truncated.copy(), infos
 
     @one_at_a_time
-    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """A picture of every table, each (height, width, 3) uint8."""
-        pictures = self._pictures()
-        return None if pictures is None else tuple(pictures)
+    def render(self) -> tuple[Any, ...] | None:
+        """A picture of every table, (height, width, 3) uint8, or a list of them; see `render_mode`."""
+        if self.render_mode is None:
+            warn_of_no_render_mode()
+            return None
+        return tuple(map(self._render_row, range(self.num_envs)))
+
+    def _render_row(self, row: int) -> Any:
+        if self.render_mode != "rgb_array_list":
+            return super()._render_row(row)
+        film, self._films[row] = self._films[row], []
+        return film
+
+    def _film(self, began: NDArray[np.bool_], played: NDArray[np.bool_] | None = None) -> None:
+        """Take a picture of every table, or of those of `played`; where an episode `began`, the first of a new list."""
+        for row in range(self.num_envs):
+            if began[row]:
+                self._films[row] = []
+            if played is None or played[row]:
+                self._films[row].append(super()._render_row(row))
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """Of every table, an attribute, or what a method returns for these arguments; as `SyncVectorEnv.call`.
+
+        A table has what is its own of an `AirHockeyEnv`, such as `positions`, `table` or `get_state`; see
+        `airhockey_env.table_view.TableView`.
+
+        Raises:
+            AttributeError: a table has none of this name.
+        """
+        found = of_tables(self, name, range(self.num_envs))
+        return tuple(one(*args, **kwargs) if callable(one) else one for one in found)
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """An attribute of every table; as `SyncVectorEnv.get_attr`.
+
+        Raises:
+            AttributeError: a table has none of this name.
+        """
+        return self.call(name)
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Set an attribute of every table (`"opponent_skill"` is the one that can be set); as `SyncVectorEnv.set_attr`.
+
+        Args:
+            name: of the attribute.
+            values: a list or a tuple with one value for each table, or one value for all.
+
+        Raises:
+            AttributeError: it cannot be set.
+            ValueError: a value will not do, or there are not as many as tables. Nothing has changed then.
+        """
+        each = list(values) if isinstance(values, (list, tuple)) else [values] * self.num_envs
+        if len(each) != self.num_envs:
+            raise ValueError(f"values must hold one for each of {self.num_envs} tables, got {len(each)}")
+        set_of_tables(self, name, each, np.arange(self.num_envs))
+
+    def _spaces_of_a_table(self) -> tuple[Space[Any], Space[Any]]:
+        return self.single_observation_space, self.single_action_space
 
     def close_extras(self, **arguments: Any) -> None:
         """End the threads of the batch."""

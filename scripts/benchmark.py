@@ -11,14 +11,12 @@ from typing import Any, Literal
 
 import numba
 import numpy as np
-from rich.box import SIMPLE
-from rich.console import Console
 from rich.progress import track
-from rich.table import Table
 
 import airhockey_env
 from agents.checks import check_output
 from agents.files import write_json
+from agents.tables import print_table
 from scripts._command import run_command
 from scripts.bench import batch, options, pucks, single, start, training
 from scripts.bench.measure import Effort
@@ -76,17 +74,6 @@ def check(args: BenchmarkArgs) -> None:
         check_matplotlib("--plot needs")
 
 
-def shown(title: str, cells: list[tuple[str, ...]]) -> Table:
-    """A table for the terminal; where that is narrow, heads are broken and numbers are not."""
-    table = Table(title=title, box=SIMPLE, padding=(0, 1, 0, 0))
-    for k, column in enumerate(zip(*cells, strict=True)):
-        widest = max(map(len, column[1:])) if k else None
-        table.add_column(column[0], justify="right" if k else "left", overflow="fold", min_width=widest)
-    for line in cells[1:]:
-        table.add_row(*line)
-    return table
-
-
 def benchmark(args: BenchmarkArgs) -> dict[str, Any]:
     """Measure, print, and write after every part: an interrupt loses none that is done."""
     check(args)
@@ -104,14 +91,14 @@ def benchmark(args: BenchmarkArgs) -> dict[str, Any]:
         "rounds": effort.rounds,
         "seconds": effort.seconds,
     }
-    console, notes = Console(), []
+    notes = []
     for name in track(args.parts, description="measuring", transient=True):
         part = PARTS[name]
         rows, missing = part.measure(effort)
         notes += missing
         results[name] = rows
         cells = part.table(rows)
-        console.print(shown(part.TITLE, cells))
+        print_table(part.TITLE, cells)
         if args.json is not None:
             write_json(args.json, results)
         if args.page is not None:

@@ -11,7 +11,7 @@ import tyro
 from agents.checks import check_output, check_ranges, check_table
 from agents.evaluation import OPPONENTS, SOLO_TASKS, play_points, play_task
 from agents.files import write_json
-from agents.models import load_player, short_name
+from agents.models import PLAYER_HELP, TRUST_HELP, load_player, short_name
 from agents.report import print_results, print_task_result
 from scripts._command import run_command
 
@@ -20,12 +20,11 @@ from scripts._command import run_command
 class EvaluateArgs:
     """Let a model play points against others, half of them on each side of the table; or a task."""
 
-    model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL")]
-    """A run's folder, a policy.npz, a model.zip, or an opponent's name."""
+    model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL", help=PLAYER_HELP)]
     task: str = "point"
     """"point"; or "hit" or "defend", which have no opponent."""
     opponent: str = "all"
-    """A model as above, or "all" for every named opponent."""
+    """A player as above, or "all" for every named opponent."""
     episodes: int = 2000
     """Points against each; or episodes of the task."""
     opponent_skill: float = 1.0
@@ -34,6 +33,7 @@ class EvaluateArgs:
     """A table preset."""
     seed: int = 0
     """Of the serves."""
+    trust: Annotated[bool, tyro.conf.arg(help=TRUST_HELP)] = False
     json: Path | None = None
     """Write the results to this file too."""
 
@@ -51,7 +51,7 @@ def evaluate(args: EvaluateArgs) -> None:
         raise ValueError(f"--task must be one of {('point', *SOLO_TASKS)}, got {args.task!r}")
     if args.task != "point" and (args.opponent != "all" or args.opponent_skill != 1.0):
         raise ValueError(f"--opponent and --opponent-skill do not go with --task {args.task}, which has no opponent")
-    player = load_player(args.model)
+    player = load_player(args.model, trust=args.trust)
     if args.task != "point":
         result = play_task(player, args.task, args.episodes, seed=args.seed, table=args.table)
         print_task_result(result)
@@ -62,7 +62,7 @@ def evaluate(args: EvaluateArgs) -> None:
     results = [
         play_points(
             player,
-            load_player(name, "--opponent"),
+            load_player(name, "--opponent", trust=args.trust),
             args.episodes,
             name=short_name(name),
             seed=args.seed,

@@ -12,7 +12,10 @@ from agents.checks import check_output, check_ranges, check_table
 from agents.files import write_json
 from agents.ladder import ANCHOR, ANCHOR_RATING, PRIOR, find_players, play_ladder, rate
 from agents.ladder_report import draw_ladder, print_ladder
+from agents.models import PLAYER_HELP, TRUST_HELP
 from scripts._command import run_command
+
+PLAYERS_HELP = f"Who plays besides the named opponents; with --only, who plays. {PLAYER_HELP}"
 
 
 @dataclass(frozen=True)
@@ -22,8 +25,9 @@ class LadderArgs:
     The results become ratings with 95 % intervals. Ctrl-C rates what has been played.
     """
 
-    players: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="[MODEL ...]")] = ()
-    """Runs' folders, policy.npz or model.zip that play too; with --only, opponents' names as well."""
+    players: Annotated[
+        tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="[MODEL ...]", help=PLAYERS_HELP)
+    ] = ()
     only: bool = False
     """Leave out the named opponents that are not given."""
     points: int = 2000
@@ -32,6 +36,7 @@ class LadderArgs:
     """A table preset."""
     seed: int = 0
     """Of the serves."""
+    trust: Annotated[bool, tyro.conf.arg(help=TRUST_HELP)] = False
     json: Path | None = None
     """Write ratings and matches to this file too."""
     plot: Path | None = None
@@ -50,7 +55,7 @@ def ladder(args: LadderArgs) -> None:
     check_output("json", args.json)
     check_output("plot", args.plot, ".png")
     check_table(args.table)
-    players = find_players(args.players, args.only)
+    players = find_players(args.players, args.only, args.trust)
     names = list(players)
     matches, total, stopped = [], len(names) * (len(names) - 1) // 2, False
     try:

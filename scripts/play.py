@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+import tyro
 
 from agents.checks import check_ranges, check_table
 from agents.live_match import START_PAUSE, LiveMatch
-from agents.models import load_player, short_name
+from agents.models import PLAYER_HELP, TRUST_HELP, load_player, short_name
 from agents.sounds import Sounds
 from airhockey_env import raster
 from airhockey_env.render import LEFT, LEFT_LIGHT, RIGHT_LIGHT, ROOM, SMALLEST, WHITE, Color, Renderer
@@ -40,8 +41,7 @@ NOTICES = {
 class PlayArgs:
     """Play a match with the mouse, on the left: R restarts, Esc leaves."""
 
-    opponent: str = "striker"
-    """"idle", "random", "goalie", "striker", a run's folder, a policy.npz or a model.zip."""
+    opponent: Annotated[str, tyro.conf.arg(help=PLAYER_HELP)] = "striker"
     skill: float = 1.0
     """0 to 1: share of its paddle's speed that the opponent uses."""
     table: str = "full_size"
@@ -54,6 +54,7 @@ class PlayArgs:
     """Off by itself where there is no audio device."""
     size: tuple[int, int] = (1280, 704)
     """Width and height of the window, px."""
+    trust: Annotated[bool, tyro.conf.arg(help=TRUST_HELP)] = False
 
 
 class Texts:
@@ -241,7 +242,7 @@ def play(args: PlayArgs) -> None:
     if not all(SMALLEST <= side <= 8192 for side in args.size):
         raise ValueError(f"--size must be two whole numbers from {SMALLEST} to 8192, got {args.size}")
     pygame = import_pygame()
-    opponent = load_player(args.opponent, "--opponent")
+    opponent = load_player(args.opponent, "--opponent", trust=args.trust)
     spec = check_table(args.table)
     print("Getting ready; the first time takes a while.", flush=True)
     match = LiveMatch(opponent, skill=args.skill, table=spec, points=args.points)

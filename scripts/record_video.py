@@ -15,21 +15,25 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from agents.checks import check_ranges, check_table, not_default
-from agents.models import load_player
+from agents.evaluation import SOLO_TASKS
+from agents.models import PLAYER_HELP, TRUST_HELP, load_player
 from agents.video import SUFFIXES, frames_of_play, write_video
 from airhockey_env.replay import Replay, is_replay, play_back_frames
+from airhockey_env.tasks import TASKS
 from scripts._command import run_command
+
+MODEL_HELP = f"The left player, or a replay's file, which has both players, the table and the seed in it. {PLAYER_HELP}"
 
 
 @dataclass(frozen=True)
 class RecordArgs:
-    """Record a video of two players, or of a replay."""
+    """Record a video of two players, of a task, or of a replay."""
 
-    model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL")]
-    """The left player: a run's folder, a policy.npz, a model.zip, or a scripted opponent's name. Or a replay's
-    file, which has both players, the table and the seed in it."""
-    opponent: str = "striker"
-    """The right player: likewise."""
+    model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL", help=MODEL_HELP)]
+    opponent: str | None = None
+    """The right player, named as the left one; by default the striker, and nobody who plays in a task for one."""
+    task: str = "match"
+    """"match" (first to 7 points), "point", or "hit" or "defend", which have no opponent."""
     out: Path = Path("video.mp4")
     """File to write: .mp4 or .gif."""
     seconds: float | None = None
@@ -44,6 +48,7 @@ class RecordArgs:
     """A table preset."""
     seed: int = 0
     """Of the serves."""
+    trust: Annotated[bool, tyro.conf.arg(help=TRUST_HELP)] = False
 
 
 def record(args: RecordArgs) -> None:
@@ -58,12 +63,16 @@ def record(args: RecordArgs) -> None:
         raise FileNotFoundError(f"--out must lie in a folder that exists, got {args.out}")
     check_ranges(args, fps=(1, 50), seconds=(0.1, 3600), width=(32, 4096), height=(32, 4096), seed=(0, 10**9))
     check_table(args.table)
+    if args.task not in TASKS:
+        raise ValueError(f"--task must be one of {tuple(TASKS)}, got {args.task!r}")
+    if args.task in SOLO_TASKS and args.opponent is not None:
+        raise ValueError(f"--opponent does not go with --task {args.task}, which has no opponent")
     size = (args.width, args.height)
     fps = args.fps
     frames: Iterator[NDArray[np.uint8]]
     if is_replay(args.model):
         for name in not_default(args):
-            if name in ("opponent", "table", "seed"):
+            if name in ("opponent", "task", "table", "seed"):
                 raise ValueError(f"--{name} does not go with a replay, which has its own")
         replay = Replay.load(args.model)
         seconds = replay.seconds if args.seconds is None else min(args.seconds, replay.seconds)
@@ -74,9 +83,10 @@ def record(args: RecordArgs) -> None:
         seconds = 20.0 if args.seconds is None else args.seconds
         number = round(seconds * fps)
         frames = frames_of_play(
-            load_player(args.model),
-            load_player(args.opponent, "--opponent"),
+            load_player(args.model, trust=args.trust),
+            load_player(args.opponent or TASKS[args.task].opponent, "--opponent", trust=args.trust),
             seconds,
+            task=args.task,
             seed=args.seed,
             fps=fps,
             size=size,

@@ -10,7 +10,7 @@ import tyro
 
 from agents.checks import check_output, check_ranges, check_table
 from agents.files import write_json
-from agents.models import load_player, short_name
+from agents.models import PLAYER_HELP, TRUST_HELP, load_player, short_name
 from agents.scorecard import measure
 from agents.scorecard_report import draw_card, print_card
 from scripts._command import run_command
@@ -23,10 +23,9 @@ class ScorecardArgs:
     It plays points against an opponent, half of them on each side of the table, and the tasks hit and defend.
     """
 
-    model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL")]
-    """A run's folder, a policy.npz, a model.zip, or an opponent's name."""
+    model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL", help=PLAYER_HELP)]
     opponent: str = "striker"
-    """Likewise."""
+    """A player as above."""
     points: int = 2000
     """Against the opponent."""
     episodes: int = 4000
@@ -35,6 +34,7 @@ class ScorecardArgs:
     """A table preset."""
     seed: int = 0
     """Of the serves and tasks."""
+    trust: Annotated[bool, tyro.conf.arg(help=TRUST_HELP)] = False
     json: Path | None = None
     """Write the card to this file too."""
     plot: Path | None = None
@@ -52,8 +52,8 @@ def scorecard(args: ScorecardArgs) -> None:
     check_output("plot", args.plot, ".png")
     spec = check_table(args.table)
     card = measure(
-        load_player(args.model),
-        load_player(args.opponent, "--opponent"),
+        load_player(args.model, trust=args.trust),
+        load_player(args.opponent, "--opponent", trust=args.trust),
         player_name=short_name(args.model),
         opponent_name=short_name(args.opponent),
         points=args.points,

@@ -19,13 +19,15 @@ from agents.checks import check_ranges
 from agents.evaluation import Result, TaskResult, play_points, play_task, wilson_interval
 from agents.features import relative_features
 from agents.files import read_json, write_json
-from agents.models import export_policy, load_player, load_ppo
-from agents.ppo import Practice, TrainArgs, make_env, make_model
+from agents.models import export_policy, load_player
+from agents.ppo import Falling, Practice, TrainArgs, make_env, make_model
 from agents.report import draw_training, print_results
+from agents.seeding import table_seeds
 from airhockey_env.files import replace
 from airhockey_env.policy import MlpPolicy
 from airhockey_env.spaces import DIRECTIONS
 from airhockey_env.tables import FULL_SIZE
+from airhockey_env.tasks import TASKS
 
 SMALL = TrainArgs(num_envs=4, n_steps=4, batch_size=8, net_width=16)
 
@@ -120,7 +122,7 @@ class TestPlayTask:
     def test_counts_are_those_of_the_registered_environment(self, task: str) -> None:
         env = gym.make(f"AirHockey{task.capitalize()}-v0")
         successes = failures = timeouts = steps = 0
-        for seed in range(8):
+        for seed in table_seeds("evaluation", 0, 8, TASKS[task].number):
             env.reset(seed=seed)
             over = False
             while not over:
@@ -310,8 +312,8 @@ class TestStableBaselines3:
         path = tmp_path / "model.zip"
         model.save(path)
         path.write_bytes(path.read_bytes()[: int(keep * path.stat().st_size)])
-        with pytest.raises(ValueError, match=r"model\.zip does not hold a PPO model"):
-            load_ppo(path)
+        with pytest.raises(ValueError, match=r"model\.zip does not hold a model"):
+            load_player(str(path))
 
     def test_a_model_with_damage_inside(self, model, tmp_path: Path) -> None:
         path = tmp_path / "model.zip"
@@ -319,8 +321,8 @@ class TestStableBaselines3:
         data = bytearray(path.read_bytes())
         data[len(data) // 3 : len(data) // 2] = bytes(len(data) // 2 - len(data) // 3)
         path.write_bytes(data)
-        with pytest.raises(ValueError, match=r"model\.zip does not hold a PPO model"):
-            load_ppo(path)
+        with pytest.raises(ValueError, match=r"model\.zip does not hold a model"):
+            load_player(str(path))
 
     def test_the_features_show_the_puck_from_the_paddle(self) -> None:
         env = gym.make("AirHockey-v0").unwrapped
@@ -432,3 +434,18 @@ def test_ranges_name_the_option() -> None:
         check_ranges(TrainArgs(gamma=math.nan), gamma=(0, 1))
     with pytest.raises(ValueError, match="--learning-rate must be 0 or more, got inf"):
         check_ranges(TrainArgs(learning_rate=math.inf), learning_rate=(0, math.inf))
+
+
+def test_the_learning_rate_falls_after_practice() -> None:
+    """Regression: with a small budget it had fallen before practice had taught anything."""
+    assert [Falling(1e-3)(remaining) for remaining in (1.0, 0.5, 0.0)] == pytest.approx([1e-3, 5.1e-4, 2e-5])
+    assert [Falling(1e-3, 0.5)(remaining) for remaining in (1.0, 0.5, 0.25)] == pytest.approx([1e-3, 1e-3, 5.1e-4])
+    assert [Falling(1e-3, 1.0)(remaining) for remaining in (1.0, 0.5, 0.0)] == [1e-3] * 3
+
+
+@pytest.mark.parametrize(
+    ("steps", "practice"), [(None, 4_000_000), (20_000_000, 4_000_000), (3_000_000, 1_500_000), (1, 0)]
+)
+def test_practice_takes_half_of_the_steps_at_most(steps: int | None, practice: int) -> None:
+    assert TrainArgs(steps=steps).resolved().warmup_steps == practice
+    assert TrainArgs(steps=steps, warmup_steps=7).resolved().warmup_steps == 7

@@ -24,8 +24,6 @@ from airhockey_env.policy import MlpPolicy
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from scripts.train import main
 
-pytestmark = pytest.mark.filterwarnings("ignore:rich is experimental")  # says tqdm of Stable-Baselines3's bar
-
 ROOT = Path(__file__).parents[1]
 IDS = ("AirHockeyHit-v0", "AirHockeyDefend-v0", "AirHockey-v0")
 

@@ -63,7 +63,7 @@ ARGUMENTS = [
     *(("reward", value) for value in ("Sparse", None, 1, [], np.zeros(2))),
     *(("randomize", value) for value in (1, NAN, True, "length", ["length"], {"length"}, np.zeros(2))),
     *(("control_hz", value) for value in (9.99, 240.01, 0, -50, NAN, INF, "50", None, True)),
-    *(("max_episode_steps", value) for value in (0, 1.5, "9", NAN, True, 2**31)),
+    *(("max_episode_steps", value) for value in (0, -2, 1.5, -1.0, "9", NAN, True, 2**31)),
     *(("render_mode", value) for value in ("rgb", "ansi", 1, [], np.zeros(2))),
     *(("render_size", value) for value in ((64,), (64, 0), (64.5, 48), "big", 64)),
 ]

@@ -9,6 +9,7 @@ import re
 import sys
 import warnings
 from collections import Counter
+from functools import partial
 
 import gymnasium as gym
 import numpy as np
@@ -26,11 +27,12 @@ pytest.importorskip("pettingzoo")
 
 from pettingzoo.utils import aec_to_parallel
 
-from airhockey_env.parallel_env import AGENTS, TASKS, AirHockeyParallelEnv, env, parallel_env
+from airhockey_env.parallel_env import AGENTS, TASKS, AirHockeyParallelEnv, env, parallel_env, raw_env
 
 with warnings.catch_warnings():  # on importing its own old environments
     warnings.simplefilter("ignore", DeprecationWarning)
-    from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, render_test, seed_test
+    from pettingzoo.test import api_test, max_cycles_test, parallel_api_test, parallel_seed_test, render_test, seed_test
+    from pettingzoo.test.save_obs_test import test_save_obs as save_obs_test
     from pettingzoo.test.state_test import state_test
 
 NAN, INF = math.nan, math.inf
@@ -46,7 +48,7 @@ VARIANTS = [
     {},
     {"continuous": False},
     {"reward": "shaped"},
-    {"task": "match", "max_episode_steps": None},
+    {"task": "match", "max_episode_steps": -1},
     *({"table": name} for name in PRESETS),
     *({"control_hz": rate} for rate in (10, 240)),
     {**PICTURES, "max_episode_steps": 9},
@@ -123,6 +125,31 @@ def test_pettingzoo_has_no_complaint_agent_by_agent(arguments, capsys):
     api_test(env(**arguments), num_cycles=400)
 
 
+@pytest.mark.parametrize("task", TASKS)
+def test_pettingzoo_has_no_complaint_of_its_limit(task):
+    """Its own test takes a module; PettingZoo calls the argument `max_cycles`."""
+
+    class Module:
+        parallel_env = staticmethod(partial(parallel_env, task=task))
+        env = staticmethod(partial(env, task=task))
+
+    max_cycles_test(Module)
+    for make in (parallel_env, env, raw_env):
+        assert make(max_cycles=9).unwrapped.state_space == parallel_env().state_space
+        with pytest.raises(ValueError, match=r"^max_cycles must be "):
+            make(max_cycles=0)
+        with pytest.raises(ValueError, match="max_episode_steps"):
+            make(max_cycles=9, max_episode_steps=9)
+
+
+def test_pettingzoo_saves_pictures(tmp_path, monkeypatch):
+    pytest.importorskip("PIL")
+    monkeypatch.chdir(tmp_path)
+    for obs_type in ("rgb", "grayscale"):
+        save_obs_test(env(obs_type=obs_type))
+        assert len(list(tmp_path.rglob("*.png"))) == 2
+
+
 def test_it_says_what_it_is():
     game = parallel_env(control_hz=30)
     assert str(game) == game.metadata["name"] == "air_hockey_v0"
@@ -147,7 +174,7 @@ def test_arguments_are_those_of_the_single_environment():
     for name, parameter in ours.items():
         if name != "max_episode_steps":
             assert parameter.default == theirs[name].default, name
-    assert ours["max_episode_steps"].default == 1500
+    assert ours["max_episode_steps"].default is None
     documented = re.findall(r"^ *\| `(\w+)` \|.*\| `?\"?(.*?)\"?`? \|$", AirHockeyParallelEnv.__doc__, re.MULTILINE)
     assert documented == [(name, str(parameter.default)) for name, parameter in ours.items()]
 
@@ -384,7 +411,7 @@ def test_after_the_end():
 
 
 def test_a_match_is_first_to_seven():
-    game = AirHockeyParallelEnv(task="match", max_episode_steps=None, reward="sparse")
+    game = AirHockeyParallelEnv(task="match", max_episode_steps=-1, reward="sparse")
     game.reset(seed=1)
     state = AirHockeyParallelEnv(task="match")
     state.reset(seed=0, options=SHOT)
@@ -490,7 +517,7 @@ ARGUMENTS = [
     *(("continuous", value) for value in (1, "yes", None)),
     *(("reward", value) for value in ("Sparse", None, [])),
     *(("control_hz", value) for value in (9.99, 240.01, NAN, "50", None, True)),
-    *(("max_episode_steps", value) for value in (0, 1.5, "9", NAN, True)),
+    *(("max_episode_steps", value) for value in (0, -2, 1.5, -1.0, "9", NAN, True)),
     *(("render_mode", value) for value in ("rgb", "ansi", 1)),
     *(("render_size", value) for value in ((64,), (64, 0), "big")),
 ]

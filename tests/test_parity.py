@@ -13,8 +13,10 @@ from gymnasium.vector import AutoresetMode
 
 from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv
 from airhockey_env.game import OBS_TYPES
+from airhockey_env.parallel_env import AirHockeyParallelEnv
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import FULL_SIZE
+from airhockey_env.tasks import TASKS
 from tests.faces import IDS, pursue, random_actions, same, shown
 
 MODES = list(AutoresetMode)
@@ -81,11 +83,9 @@ def test_native_batch_is_gymnasiums_batch_of_single_environments(name, mode, arg
         if len(ours) == 5:
             ends += ours[2].sum() + (ours[4]["score"].sum() if name == "AirHockeyMatch-v0" else 0)
             truncations += ours[3].sum()
-        count = native.unwrapped.n_contacts
-        contacts += count.sum()
+        contacts += native.unwrapped.n_contacts.sum()
         if mode != AutoresetMode.SAME_STEP:  # there the single environments have been reset meanwhile
-            rows = zip(native.unwrapped.contacts, count, strict=True)
-            assert same([row[:k] for row, k in rows], list(sync.get_attr("contacts")))
+            assert same(native.get_attr("contacts"), sync.get_attr("contacts"))
     assert min(ends, truncations) > 0 and contacts > 25
     sync.close()
 
@@ -257,6 +257,57 @@ def test_make_vec_passes_the_time_limit(name, asked, limit):
         truncations += truncated.sum()
     # An idle player's shot or defence is over, one way or the other, before the limit of its task.
     assert truncations > 0 or (name in LIMITS and not asked)
+
+
+def truncated_by(env):
+    """The step that truncates an episode, or None: gymnasium.make's own limit, or that of the environment in it."""
+    if hasattr(env, "get_wrapper_attr") and env.has_wrapper_attr("_max_episode_steps"):
+        return env.get_wrapper_attr("_max_episode_steps")
+    env = env.unwrapped
+    single, two = isinstance(env, AirHockeyEnv), isinstance(env, AirHockeyParallelEnv)
+    still = np.zeros(2) if single or two else np.zeros((env.num_envs, 2))
+    for limit in sorted({7, 2**31 - 2, *(task.max_episode_steps for task in TASKS.values())}):
+        env.reset()
+        truncated = []
+        for age in (limit - 2, limit - 1):
+            state = env.get_state()
+            state["steps"] = age
+            env.set_state(state)
+            result = env.step({"left": still, "right": still} if two else still)
+            ends = result[2] if isinstance(env, AirHockeySB3VecEnv) else result[3]
+            truncated.append(bool(np.all(list(ends.values()) if two else ends)))
+        if any(truncated):
+            assert truncated == [False, True]
+            return limit
+    return None
+
+
+WAYS = {
+    "make": lambda name, **limit: gym.make(name, **limit),
+    "native": lambda name, **limit: gym.make_vec(name, num_envs=2, **limit),
+    "sync": lambda name, **limit: gym.make_vec(name, 2, "sync", **limit).envs[1],
+    "single": lambda name, **limit: AirHockeyEnv(**gym.spec(name).kwargs, **limit),
+    "batch": lambda name, **limit: AirHockeyVectorEnv(2, **gym.spec(name).kwargs, **limit),
+    "sb3": lambda name, **limit: AirHockeySB3VecEnv(2, **gym.spec(name).kwargs, **limit),
+    "parallel": lambda name, **limit: AirHockeyParallelEnv(task=gym.spec(name).kwargs.get("task", "point"), **limit),
+}
+
+
+FOR_TWO = ("AirHockey-v0", "AirHockeyMatch-v0")
+
+
+@pytest.mark.parametrize(
+    ("name", "way"), [(name, way) for name in IDS for way in WAYS if way != "parallel" or name in FOR_TWO]
+)
+def test_a_time_limit_means_the_same_in_every_api(name, way):
+    """That of Gymnasium: None is what the id registers, and -1 none at all."""
+    registered = gym.spec(name).max_episode_steps
+    make = WAYS[way]
+    assert truncated_by(make(name, max_episode_steps=None)) == registered
+    assert truncated_by(make(name, max_episode_steps=-1)) is None
+    assert truncated_by(make(name, max_episode_steps=7)) == 7
+    # gymnasium.make puts its own limit around the class, which therefore has none unless it is given.
+    assert truncated_by(make(name)) == (None if way == "single" else registered)
 
 
 @pytest.mark.parametrize(("limit", "terminates"), [(1, False), (2, True), (3, True), (None, True)])

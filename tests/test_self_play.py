@@ -70,7 +70,7 @@ class TestLeague:
         assert [member.name for member in league.members[:3]] == [LATEST, "striker", "idle"]
         assert len(league.members) == 5
         assert sorted(league.past) == [3, 4]
-        pool = league.training_env.get_attr("opponents", 0)[0]
+        pool = league.tables.opponents
         assert pool[1:3] == ("striker", "idle")
         assert pool[3:] == (league.past[3], league.past[4])
         names = {league.members[k].name for k in league.past}
@@ -79,7 +79,7 @@ class TestLeague:
 
     def test_the_latest_self_is_the_agent(self) -> None:
         league = learn(3 * UPDATE)
-        latest = league.training_env.get_attr("opponents", 0)[0][0]
+        latest = league.tables.opponents[0]
         newest = next(k for k in league.past if league.members[k].name == f"self at {2 * UPDATE}")
         seen = np.random.default_rng(0).uniform(-1.0, 1.0, (5, 13)).astype(np.float32)
         np.testing.assert_array_equal(latest(seen), league.past[newest](seen))

@@ -139,9 +139,18 @@ def test_environments_that_a_camera_cannot_look_at():
         sense(RescaleObservation(AirHockeyEnv(), np.float32(0), np.float32(1)), ROBOT)
     with pytest.raises(ValueError, match="state observations"):
         sense(AirHockeyEnv(obs_type="rgb"), ROBOT)
-    for wrong in (None, "robot", Camera):
-        with pytest.raises(ValueError, match="camera must be a Camera"):
+    for wrong in (None, "Robot", Camera, {"blur": 1.0}, 3):
+        with pytest.raises(ValueError, match=r"^camera must be "):
             sense(AirHockeyEnv(), wrong)
+
+
+@pytest.mark.parametrize("camera", [ROBOT, HEAVY], ids=["robot", "heavy"])
+def test_a_camera_by_its_name_or_its_fields(camera):
+    given = [camera, camera.fields(), *(["robot"] if camera is ROBOT else [])]
+    for make in (AirHockeyEnv, lambda: AirHockeyVectorEnv(2), lambda: AirHockeySB3VecEnv(2)):
+        assert [sense(make(), one).camera for one in given] == [camera] * len(given)
+    with pytest.raises(ValueError, match=r"^delay_ms must be "):
+        sense(AirHockeyEnv(), {"delay_ms": -1})
 
 
 # What a camera does
@@ -338,7 +347,7 @@ def test_occlusion_near_the_opponents_paddle():
     ids=["fast", "slow", "odd", "late"],
 )
 def test_frames_are_never_lost_on_their_way(camera, control_hz):
-    envs = sense(AirHockeyVectorEnv(8, control_hz=control_hz, max_episode_steps=None), camera)
+    envs = sense(AirHockeyVectorEnv(8, control_hz=control_hz, max_episode_steps=-1), camera)
     observations, _ = envs.reset(seed=0)
     memory = envs._sight._memory
     most = 0

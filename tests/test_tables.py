@@ -141,7 +141,19 @@ def test_tables_by_name_or_spec():
     own = dataclasses.replace(IDEAL, length=2.0)
     assert resolve_table(own) is own and AirHockeyEnv(table=own).table is own
     for bad in ("huge", "", None, 3, ["ideal"], {"length": 2.0}):
-        with pytest.raises(
-            ValueError, match=r"^table must be one of \['challenge', 'full_size', 'ideal'\] or a TableSpec"
-        ):
+        with pytest.raises(ValueError, match=r"^table must be "):
             resolve_table(bad)
+
+
+def test_tables_by_a_mapping_of_fields():
+    for preset in PRESETS.values():
+        assert resolve_table(dataclasses.asdict(preset)) == preset
+    needed = {name: value for name, value in dataclasses.asdict(IDEAL).items() if "speed" not in name}
+    assert resolve_table(needed) == IDEAL  # the others have defaults
+    for name in ("length", "drag_linear"):
+        with pytest.raises(ValueError, match=rf"^table must be .*'{name}'"):
+            resolve_table({k: v for k, v in needed.items() if k != name})
+    with pytest.raises(ValueError, match=r"^table must be .*'lenght'"):
+        resolve_table({**needed, "lenght": 2.0})
+    with pytest.raises(ValueError, match=r"^width must be "):
+        resolve_table({**needed, "width": "1.0"})

@@ -195,6 +195,7 @@ envs.reset(seed=0)
 actions = np.zeros((n, 2), np.float32)
 envs.step(actions)
 over = threading.Event()
+playing = False
 
 def press():
     while not over.is_set():
@@ -203,7 +204,7 @@ def press():
 
 def handle(number, frame):
     # Only what the step was doing when Ctrl-C was pressed counts, not this script's own loop around it.
-    if frame.f_code.co_filename != "<string>":
+    if playing and frame.f_code.co_filename != "<string>":
         raise KeyboardInterrupt
 
 signal.signal(signal.SIGINT, handle)
@@ -211,12 +212,14 @@ signal.signal(signal.SIGINT, handle)
 presser = threading.Thread(target=press)
 presser.start()
 caught = 0
+playing = True
 while caught < 200:
     try:
         while True:
             envs.step(actions)
     except KeyboardInterrupt:
         caught += 1
+playing = False
 signal.signal(signal.SIGINT, signal.SIG_IGN)
 over.set()
 presser.join()

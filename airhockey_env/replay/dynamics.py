@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from airhockey_env.checks import NO_LIMIT
 from airhockey_env.game import REWARDS, Game
 from airhockey_env.physics import FIELDS
+from airhockey_env.players import NAMES
 from airhockey_env.records import AUTORESET_SAME_STEP, LEFT, PUCK, RIGHT
 from airhockey_env.spaces import DIRECTIONS
 from airhockey_env.tables import TableSpec
@@ -40,14 +42,18 @@ def arguments_of(game: Game, place: int = 0) -> dict[str, Any]:
         "control_hz": game.control_hz,
         "randomize": {name: game.ranges[FIELDS.index(name)].tolist() for name in game.randomized} or None,
         "points": int(settings["points"]),
-        "max_episode_steps": int(settings["max_steps"]) or None,
+        "max_episode_steps": int(settings["max_steps"]) or NO_LIMIT,
     }
 
 
 def game_of(arguments: dict[str, Any], num_tables: int = 1, **changes: Any) -> Game:
     """The game that `arguments_of` describes."""
     table = TableSpec(**arguments["table"])
-    return Game(num_tables, **{**arguments, "table": table, "num_threads": 1, **changes})
+    if not (arguments["opponent"] is None or arguments["opponent"] in NAMES):  # and not a path: a replay opens no file
+        raise ValueError(f"opponent must be null or one of {NAMES}, got {arguments['opponent']!r}")
+    limit = arguments["max_episode_steps"] or NO_LIMIT  # which was null in files of older versions
+    given = {**arguments, "table": table, "max_episode_steps": limit, "num_threads": 1}
+    return Game(num_tables, **{**given, **changes})
 
 
 def play(game: Game, action: Any, other: NDArray[np.float32] | None) -> None:

@@ -18,6 +18,9 @@ from airhockey_env.spaces import DIRECTIONS
 FORMAT = 1
 """Of the files."""
 
+MOST_BYTES = 256 * 2**20
+"""Of a file, unpacked: a week of play at 50 Hz."""
+
 _NOTES = ("version", "fingerprint", "id", "arguments", "seeds")
 _ARRAYS = ("starts", "states", "ends", "actions", "others")
 
@@ -70,7 +73,7 @@ class Replay:
             ValueError: the file does not hold a replay; the message names it.
         """
         try:
-            arrays = read_arrays(path, "RecordReplay", ("replay", *_ARRAYS))
+            arrays = read_arrays(path, "RecordReplay", ("replay", *_ARRAYS), MOST_BYTES)
             notes = json.loads(str(arrays["replay"]))
             if notes["format"] != FORMAT:
                 raise ValueError(f"it is of format {notes['format']!r}, and this version reads format {FORMAT}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
@@ -78,6 +79,24 @@ class Camera:
         return dataclasses.asdict(self)
 
 
+def resolve_camera(camera: str | Camera | Mapping[str, Any]) -> Camera:
+    """The camera that a `camera` argument means: one by name, a `Camera`, or a mapping of its fields.
+
+    Raises:
+        ValueError: none of these, or a field is unknown or out of range.
+    """
+    if isinstance(camera, Camera):
+        return camera
+    if isinstance(camera, str) and camera in CAMERAS:
+        return CAMERAS[camera]
+    if isinstance(camera, Mapping):
+        for name in camera:
+            if name not in Camera.__dataclass_fields__:
+                raise ValueError(f"camera must be a mapping of the fields of a Camera, got one with {name!r}")
+        return Camera(**camera)
+    raise ValueError(f"camera must be one of {tuple(CAMERAS)}, a Camera or a mapping of its fields, got {camera!r}")
+
+
 ROBOT = Camera(
     camera_hz=120,
     delay_ms=7,
@@ -101,3 +120,6 @@ ROBOT = Camera(
   the paddle (its gantry and arms, the opponent's hand) the puck is hidden, nobody states: 1 % and 10 mm are plausible
   values, not measured ones.
 """
+
+CAMERAS = {"robot": ROBOT}
+"""Cameras by name."""

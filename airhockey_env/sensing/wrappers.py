@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from numpy.typing import NDArray
 
 from airhockey_env.env import AirHockeyEnv
-from airhockey_env.sensing.camera import Camera
+from airhockey_env.sensing.camera import Camera, resolve_camera
 from airhockey_env.sensing.sight import Sight, cameras_around, check_space, game_of
 from airhockey_env.vector_env import AirHockeyVectorEnv
 
@@ -115,26 +115,25 @@ class CameraVectorObservation(VectorWrapper, RecordConstructorArgs):
         return seen, rewards, terminated, truncated, infos
 
 
-def sense(env: Any, camera: Camera) -> Any:
+def sense(env: Any, camera: str | Camera | Mapping[str, Any]) -> Any:
     """Put a camera between an environment, or a batch, and its player.
 
     Args:
         env: an `AirHockeyEnv`, `AirHockeyVectorEnv` or `AirHockeySB3VecEnv`, wrapped or not.
-        camera: the camera, such as `ROBOT`.
+        camera: `"robot"`, a `Camera`, or a mapping of its fields.
 
     Returns:
         `CameraObservation`, `CameraVectorObservation` or `airhockey_env.sensing.sb3.CameraSB3Observation` around it.
 
     Raises:
-        ValueError: `camera` is not a `Camera`, or the environment's observations are not its states.
+        ValueError: `camera` is none of these, or the environment's observations are not its states.
         TypeError: `env` is none of these.
     """
-    if not isinstance(camera, Camera):
-        raise ValueError(f"camera must be a Camera, such as airhockey_env.sensing.ROBOT, got {camera!r}")
+    fields = resolve_camera(camera).fields()
     if isinstance(env, VectorEnv):
-        return CameraVectorObservation(env, **camera.fields())
+        return CameraVectorObservation(env, **fields)
     if any(kind.__module__.startswith("stable_baselines3.") for kind in type(env).__mro__):  # without importing it
         from airhockey_env.sensing.sb3 import CameraSB3Observation
 
-        return CameraSB3Observation(env, **camera.fields())
-    return CameraObservation(env, **camera.fields())
+        return CameraSB3Observation(env, **fields)
+    return CameraObservation(env, **fields)

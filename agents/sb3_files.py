@@ -1,0 +1,355 @@
+"""Stable-Baselines3's model files, read without running anything that is in them.
+
+Such a file is a zip of PyTorch's weights and of a JSON named `data`. What JSON cannot hold, Stable-Baselines3 pickles
+into it, and a pickle runs whatever code its maker likes. Here pickles are never opened: weights are read by
+`torch.load(weights_only=True)`, counters are plain JSON, and what a deterministic player needs to know about the
+network stands in the names and shapes of its weights and in the readable text that Stable-Baselines3 leaves beside
+each pickle. What cannot be told from these needs `trusted_policy`, which does open the pickles.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import pickletools
+import re
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from numpy.typing import NDArray
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.save_util import recursive_getattr
+from stable_baselines3.common.torch_layers import NatureCNN
+from torch import nn
+
+from agents.features import RelativeFeatures, SmallCnn
+from airhockey_env.files import check_archive, pairs_once
+
+MOST_BYTES = 2**30
+"""That a file may unpack to."""
+
+COUNTERS = ("num_timesteps", "_total_timesteps", "_num_timesteps_at_start", "_episode_num", "_n_updates")
+"""What a model counts: whole numbers, in JSON as they are."""
+
+ACTIVATIONS: dict[str, type[nn.Module]] = {
+    f"<class 'torch.nn.modules.activation.{kind.__name__}'>": kind
+    for kind in (nn.Tanh, nn.ReLU, nn.ELU, nn.GELU, nn.LeakyReLU, nn.SiLU)
+}
+"""By the readable text that stands beside the pickle."""
+
+_GLOBALS = {"collections OrderedDict", "torch._utils _rebuild_tensor_v2", "torch._utils _rebuild_parameter"}
+"""What weights need of PyTorch and Python, besides types of storages. `weights_only` allows more, such as a bytearray
+of any size."""
+
+_STORAGE = re.compile(r"torch (Float|Double|Half|BFloat16|Long|Int|Short|Char|Byte|Bool)Storage")
+
+
+class NeedsTrust(ValueError):
+    """A file that may be a model, but does not tell without its pickles what the network is."""
+
+
+@dataclass(frozen=True)
+class SavedModel:
+    """What a file holds besides its pickles."""
+
+    path: Path
+    data: dict[str, Any]
+    """JSON; in place of what JSON cannot hold, a dict with ":type:" and readable fields."""
+    params: dict[str, Any]
+    """State dicts by their names in the model: "policy", "policy.optimizer", ..."""
+    variables: dict[str, torch.Tensor]
+    """Other tensors, such as SAC's "log_ent_coef"."""
+
+
+def read_model(path: Path) -> SavedModel:
+    """Read what can be read without unpickling.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it is not a model of Stable-Baselines3, is damaged, or would unpack to more than it may.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no file {path}")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            check_archive(archive, MOST_BYTES)
+            names = archive.namelist()
+            if "data" not in names or "policy.pth" not in names:
+                raise ValueError("it is a zip file of something else")
+            data = json.loads(archive.read("data"), object_pairs_hook=pairs_once)
+            if not isinstance(data, dict):
+                raise ValueError("its data are no JSON object")
+            # The pickled text is of no use and often long.
+            data = {name: _without_pickle(value) for name, value in data.items()}
+            params = {name[: -len(".pth")]: _weights(archive.read(name)) for name in names if name.endswith(".pth")}
+        variables = params.pop("pytorch_variables", None) or {}
+        if not all(isinstance(value, torch.Tensor) for value in (*params["policy"].values(), *variables.values())):
+            raise ValueError("its weights are no tensors")
+    except Exception as error:  # whatever damage makes of zip, JSON and PyTorch
+        raise ValueError(f"{path} does not hold a model of Stable-Baselines3: {error}") from error
+    return SavedModel(path, data, params, variables)
+
+
+def _without_pickle(value: Any) -> Any:
+    if isinstance(value, dict) and ":serialized:" in value:
+        return {name: part for name, part in value.items() if name != ":serialized:"}
+    return value
+
+
+def _weights(file: bytes) -> Any:
+    """Tensors and plain values, as `torch.save` wrote them.
+
+    Raises:
+        ValueError: other things are in there, or sizes that do not fit together.
+    """
+    with zipfile.ZipFile(io.BytesIO(file)) as archive:
+        check_archive(archive, len(file))  # PyTorch does not compress
+        pickles = [name for name in archive.namelist() if name.endswith("data.pkl")]
+        if len(pickles) != 1:
+            raise ValueError("weights must be a file of torch.save")
+        for operation, argument, _ in pickletools.genops(archive.read(pickles[0])):
+            known = argument in _GLOBALS or _STORAGE.fullmatch(str(argument))
+            if operation.name in ("STACK_GLOBAL", "INST") or (operation.name == "GLOBAL" and not known):
+                raise ValueError(f"weights must be tensors alone, and there is {argument!r} among them")
+        records = sorted(info.file_size for info in archive.infolist() if "/data/" in info.filename and info.file_size)
+    loaded = torch.load(io.BytesIO(file), map_location="cpu", weights_only=True)
+    # PyTorch takes the sizes of storages from the pickle, whatever the file has of them.
+    tensors = list(_tensors(loaded))
+    storages = {tensor.untyped_storage().data_ptr(): tensor.untyped_storage().nbytes() for tensor in tensors}
+    if sorted(size for size in storages.values() if size) != records:
+        raise ValueError("its tensors are not of the sizes that they are said to be")
+    if any(tensor.numel() * tensor.element_size() > tensor.untyped_storage().nbytes() for tensor in tensors):
+        raise ValueError("its tensors are larger than what they hold")
+    return loaded
+
+
+def _tensors(value: Any, depth: int = 0) -> Any:
+    """All tensors in a state dict, of a model or of an optimiser.
+
+    Raises:
+        ValueError: there is something else in it, or it goes deeper than such a dict does.
+    """
+    if depth > 4:
+        raise ValueError("weights must be a state dict")
+    if isinstance(value, torch.Tensor):
+        yield value
+    elif isinstance(value, dict):
+        for part in value.values():
+            yield from _tensors(part, depth + 1)
+    elif isinstance(value, (list, tuple)):
+        for part in value:
+            yield from _tensors(part, depth + 1)
+    elif not (value is None or isinstance(value, (bool, int, float, str))):
+        raise ValueError(f"weights must be a state dict, and there is {value!r} in it")
+
+
+def load_weights(model: BaseAlgorithm, path: Path) -> None:
+    """Put weights, the optimisers' states and the counters of a file into a freshly built model of the same shape.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it is none, or not one of such a model. The model may have changed in part then.
+    """
+    saved = read_model(path)
+    names, variables = model._get_torch_save_params()
+    try:
+        if set(saved.params) != set(names) or set(saved.variables) != set(variables):
+            raise ValueError(
+                f"it must have {sorted((*names, *variables))}, and it has {sorted((*saved.params, *saved.variables))}"
+            )
+        counters = {name: saved.data.get(name) for name in COUNTERS}
+        for name, count in counters.items():
+            if type(count) is not int or not 0 <= count < 2**63:
+                raise ValueError(f"{name} must be a whole number from 0 up, got {count!r}")
+        model.set_parameters(saved.params, exact_match=True, device=model.device)
+        for name, value in saved.variables.items():
+            own = recursive_getattr(model, name)
+            if own.shape != value.shape:
+                raise ValueError(f"{name} must be of shape {tuple(own.shape)}, got {tuple(value.shape)}")
+            own.data.copy_(value)
+    except (ValueError, RuntimeError, KeyError, TypeError, AttributeError, IndexError) as error:
+        raise ValueError(f"{path} does not hold a model as this one: {error}") from error
+    model.__dict__.update(counters)
+
+
+@dataclass(frozen=True)
+class Actor:
+    """The network of a deterministic player."""
+
+    features: nn.Module  # before the layers
+    layers: tuple[tuple[torch.Tensor, torch.Tensor], ...]  # (out, in) weights and (out,) biases
+    activation: type[nn.Module]  # between the layers
+    clip: float | None  # of the outputs: SAC's with gSDE
+    squash: bool  # whether tanh comes last
+    shape: tuple[int, ...]  # of one observation, as the network takes it
+
+    @torch.no_grad()
+    def __call__(self, observations: NDArray[Any]) -> NDArray[np.float32]:
+        """Outputs (N, 2) or (N, 9) for observations (N, *shape), before clipping to the action space."""
+        x = self.features(torch.as_tensor(observations).float())
+        activation = self.activation()
+        for number, (weight, bias) in enumerate(self.layers, 1):
+            x = nn.functional.linear(x, weight, bias)
+            x = activation(x) if number < len(self.layers) else x
+        if self.clip is not None:
+            x = nn.functional.hardtanh(x, -self.clip, self.clip)
+        return (torch.tanh(x) if self.squash else x).numpy()
+
+
+class _Divided(nn.Module):
+    """Pictures from 0 to 1, as Stable-Baselines3 hands them on unless `normalize_images=False`."""
+
+    def __init__(self, features: nn.Module) -> None:
+        super().__init__()
+        self.features = features
+
+    def forward(self, pictures: torch.Tensor) -> torch.Tensor:
+        return self.features(pictures / 255.0)
+
+
+class _Kind(NamedTuple):
+    """A kind of policy, by the names of its weights."""
+
+    mark: str  # what no other kind has
+    layers: tuple[str, ...]  # of the deterministic player, in order
+    features: str  # what comes before them
+    others: tuple[str, ...]  # what the player does without
+    activation: type[nn.Module]  # unless `policy_kwargs` name another
+    squash: bool = False
+    twins: tuple[str, ...] = ()  # other names of the features
+
+
+_SAC = "actor.latent_pi.0.weight"
+_KINDS = (
+    _Kind(  # PPO, A2C, TRPO
+        "action_net.weight", ("mlp_extractor.policy_net", "action_net"), "pi_features_extractor",
+        ("mlp_extractor.value_net.", "value_net.", "log_std"), nn.Tanh,
+        twins=("features_extractor.", "vf_features_extractor."),
+    ),
+    _Kind(  # SAC, TQC
+        _SAC, ("actor.latent_pi", "actor.mu"), "actor.features_extractor",
+        ("actor.log_std", "critic.", "critic_target."), nn.ReLU, squash=True,
+    ),
+    _Kind(  # TD3, DDPG
+        "actor.mu.0.weight", ("actor.mu",), "actor.features_extractor",
+        ("actor_target.", "critic.", "critic_target."), nn.ReLU, squash=True,
+    ),
+    _Kind("q_net.q_net.0.weight", ("q_net.q_net",), "q_net.features_extractor", ("q_net_target.",), nn.ReLU),  # DQN
+)  # fmt: skip
+
+
+def actor_of(saved: SavedModel) -> Actor:
+    """The deterministic player in a file.
+
+    Known are the policies of PPO, A2C, TRPO, SAC, TQC, TD3, DDPG and DQN with Stable-Baselines3's own networks, and
+    those of this project (`agents.features`).
+
+    Raises:
+        NeedsTrust: another kind of network, or one whose kind stands in a pickle alone.
+        ValueError: the weights do not fit together.
+    """
+    try:
+        return _actor(saved)
+    except NeedsTrust as error:
+        raise NeedsTrust(f"{saved.path}: {error}") from error
+    except Exception as error:  # weights that do not fit together
+        raise ValueError(f"{saved.path} does not hold a player of this game: {error}") from error
+
+
+def _actor(saved: SavedModel) -> Actor:
+    weights, kwargs = dict(saved.params["policy"]), saved.data.get("policy_kwargs", {})
+    space = saved.data.get("observation_space")
+    if not isinstance(kwargs, dict) or not isinstance(space, dict) or not isinstance(space.get("_shape"), list):
+        raise NeedsTrust("its data do not tell in plain text what the network sees")
+    known = [kind for kind in _KINDS if kind.mark in weights]
+    if not known:
+        raise NeedsTrust(f"its network is of another kind than those known here (it has {sorted(weights)[:3]})")
+    kind = known[0]
+    # Of SAC's outputs, a network with gSDE clips those that come before tanh; its last layer has a number then.
+    clip = float(kwargs.get("clip_mean", 2.0)) if kind.mark == _SAC and "actor.mu.0.weight" in weights else None
+    squash = kind.squash or kwargs.get("squash_output", False) is True
+    prefix, twins = kind.features, kind.twins
+
+    layers: list[tuple[torch.Tensor, torch.Tensor]] = []
+    for part in kind.layers:
+        number = 0
+        while (name := next((n for n in (f"{part}.{number}", part) if f"{n}.weight" in weights), None)) is not None:
+            layers.append((weights.pop(f"{name}.weight").float(), weights.pop(f"{name}.bias").float()))
+            number += 2  # an activation comes in between
+    features = {name[len(prefix) + 1 :]: weights.pop(name) for name in list(weights) if name.startswith(f"{prefix}.")}
+    if not features and twins:  # of Stable-Baselines3 before 1.7
+        features = {n[len(twins[0]) :]: weights.pop(n) for n in list(weights) if n.startswith(twins[0])}
+    unknown = [name for name in weights if not name.startswith((*kind.others, *twins))]
+    if unknown:
+        raise NeedsTrust(f"its network has parts that are not known here: {unknown[:3]}")
+
+    activation = kind.activation if "activation_fn" not in kwargs else ACTIVATIONS.get(str(kwargs["activation_fn"]))
+    if activation is None:
+        raise NeedsTrust(f"its activation function is not known here: {kwargs['activation_fn']!r}")
+    shape = tuple(int(side) for side in space["_shape"])
+    if not shape or min(shape) < 1 or max(shape) > 4096 or len(shape) > 3:
+        raise ValueError(f"observations of shape {shape}")
+    module, width = _features(features, shape, kwargs)
+    for weight, bias in layers:
+        if weight.ndim != 2 or weight.shape[1] != width or bias.shape != weight.shape[:1]:
+            raise ValueError(
+                f"a layer after {width} units has weights {tuple(weight.shape)}, biases {tuple(bias.shape)}"
+            )
+        width = weight.shape[0]
+    if width not in (2, 9):
+        raise ValueError(f"it must have 2 or 9 outputs, got {width}")
+    return Actor(module, tuple(layers), activation, clip, squash, shape)
+
+
+def _features(
+    weights: dict[str, torch.Tensor], shape: tuple[int, ...], kwargs: dict[str, Any]
+) -> tuple[nn.Module, int]:
+    """What comes before the layers, and its number of outputs."""
+    named = str(kwargs.get("features_extractor_class", ""))
+    pictures = len(shape) == 3
+    module: nn.Module
+    if not weights and (not named or "FlattenExtractor" in named):
+        module, width = nn.Flatten(), math.prod(shape)
+    elif "matrix" in weights and RelativeFeatures.__name__ in named and shape == (13,):
+        module = RelativeFeatures(spaces.Box(-1.0, 1.0, shape))
+        width = module.features_dim
+    elif pictures and ("patches.weight" in weights and SmallCnn.__name__ in named):
+        width = len(weights["layers.4.bias"])
+        module = SmallCnn(spaces.Box(0, 255, shape, np.uint8), width)
+    elif pictures and "cnn.0.weight" in weights and (not named or NatureCNN.__name__ in named):
+        width = len(weights["linear.0.bias"])
+        module = NatureCNN(spaces.Box(0, 255, shape, np.uint8), width)
+    else:
+        raise NeedsTrust(f"what its network makes of observations is not known here: {named or sorted(weights)[:3]}")
+    module.load_state_dict(weights)
+    if pictures and kwargs.get("normalize_images", True) is not False:
+        module = _Divided(module)
+    return module, width
+
+
+def trusted_policy(path: Path) -> Any:
+    """The Stable-Baselines3 policy in a file, with all its pickles. This runs whatever code the file's maker likes.
+
+    Raises:
+        ValueError: there is none in the file.
+    """
+    from stable_baselines3.common.save_util import load_from_zip_file
+
+    try:
+        data, params, _ = load_from_zip_file(path, device="cpu")
+        assert data is not None
+        policy = data["policy_class"](
+            data["observation_space"], data["action_space"], lambda _: 0.0, **data["policy_kwargs"],
+            **({} if "use_sde" in data["policy_kwargs"] else {"use_sde": True} if data.get("use_sde") else {}),
+        )  # fmt: skip
+        policy.load_state_dict(params["policy"])
+        policy.set_training_mode(False)
+    except Exception as error:  # whatever the code in it does
+        raise ValueError(f"{path} does not hold a model of Stable-Baselines3: {error}") from error
+    return policy
