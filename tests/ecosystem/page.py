@@ -34,7 +34,7 @@ def run_section(name: str, folder: Path) -> str:
             assert printed[-1] == text, printed[-1]
         elif language in ("python", "bash"):
             printed.append(run(language, text, folder))
-    assert printed
+    assert sections()[name] and printed
     return "".join(printed)
 
 
