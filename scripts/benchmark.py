@@ -18,13 +18,14 @@ from agents.checks import check_output
 from agents.files import write_json
 from agents.tables import print_table
 from scripts._command import run_command
-from scripts.bench import batch, options, pucks, single, start, training
+from scripts.bench import batch, c_flags, options, pucks, single, start, training
 from scripts.bench.measure import Effort
 from scripts.kiss import page
 from scripts.kiss.style import check_matplotlib
 
 PARTS: dict[str, ModuleType] = {
     "batch": batch,
+    "c_flags": c_flags,
     "single": single,
     "options": options,
     "pucks": pucks,
@@ -41,7 +42,7 @@ class BenchmarkArgs:
     """Rounds of every measurement."""
     seconds: float = 0.2
     """Of one measurement, about."""
-    only: Literal["batch", "single", "options", "pucks", "start", "training"] | None = None
+    only: Literal["batch", "c_flags", "single", "options", "pucks", "start", "training"] | None = None
     """One part alone."""
     quick: bool = False
     """One short round of what is small, to see that it works."""

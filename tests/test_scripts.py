@@ -443,7 +443,7 @@ class TestBenchmark:
         assert "| tables |" in written and "| its compiled step alone |" in written
         assert (tmp_path / "plot.png").stat().st_size > 10_000
 
-    @pytest.mark.parametrize("part", ["single", "options", "pucks", "start", "training"])
+    @pytest.mark.parametrize("part", ["c_flags", "single", "options", "pucks", "start", "training"])
     def test_every_part(self, part: str) -> None:
         module = import_module(f"scripts.bench.{part}")
         rows, _ = module.measure(Effort(1, 0.001, quick=True))
