@@ -8,9 +8,10 @@ the lines of centres and only push, so momentum and angular momentum are kept; a
 velocities, the kinetic energy never grows. Discs on straight lines that do not approach at the start never do, so a
 settled pair has no contact before something else touches one of its discs.
 
-The impulses are the solution of a quadratic program over non-negative numbers. It is found by Jacobi sweeps in which
-every disc's mass is split among its contacts, so that they cannot overshoot (Tonge, Benevolenski and Voroshilov 2012),
-with Nesterov's acceleration and restarts (Mazhar et al. 2015; O'Donoghue and Candès 2015).
+The impulses solve a quadratic program over non-negative numbers. It is solved by MPRGP (Dostál and Schöberl 2005):
+conjugate gradients among the contacts that push, steps down the gradient that may end or begin a push, and a loss of
+energy with every one of them. Contacts are weighed as if each disc's mass were split among them, which bounds the
+spectrum by 1 (Tonge, Benevolenski and Voroshilov 2012).
 """
 
 from __future__ import annotations
@@ -30,11 +31,14 @@ from airhockey_env.engine.tolerances import (
 PAIRS = 8
 """Room for pairs that touch, per disc; in the plane there are hardly more than 3, and 2 walls."""
 
-SWEEPS = 4000
-"""Sweeps after which a cluster counts as squeezed: it has no velocities with which nothing approaches."""
+ITERATIONS = 4000
+"""Steps after which a cluster counts as squeezed: it has no velocities with which nothing approaches."""
 
-CHECK = 8
-"""Sweeps from one look at the result to the next."""
+STEP = 1.9
+"""Length of a step down the gradient; below 2 over the greatest eigenvalue, which is at most 1."""
+
+SINGULAR = 1e-14
+"""Share of itself that a direction may leave of a push before it counts as one that nothing yields to."""
 
 
 class Cluster(NamedTuple):
@@ -45,14 +49,16 @@ class Cluster(NamedTuple):
     quick: NDArray[np.int64]  # (n,) contacts in a row, each within COLLAPSE_TIME of the one before
     link: NDArray[np.int64]  # (n,) union-find: a disc of the same cluster, or itself
     degree: NDArray[np.float64]  # (n,) contacts that share the disc's mass
-    moved: NDArray[np.float64]  # (n, 2) m/s, velocities with the impulses so far
+    moved: NDArray[np.float64]  # (n, 2) m/s, velocities with the impulses so far, or changes by a direction
     a: NDArray[np.int64]  # (m,) the contacts: disc,
     b: NDArray[np.int64]  # (m,) other disc, or -1 for a wall,
     normal: NDArray[np.float64]  # (m, 2) unit, from b to a,
     gap: NDArray[np.float64]  # (m,) m,
-    weight: NDArray[np.float64]  # (m,) kg, impulse of a sweep per m/s of approach,
-    impulse: NDArray[np.float64]  # (m,) N s,
-    ahead: NDArray[np.float64]  # (m,) N s, extrapolated
+    scale: NDArray[np.float64]  # (m,) sqrt(kg), impulses are this times
+    push: NDArray[np.float64]  # (m,) sqrt(J), the unknowns,
+    slope: NDArray[np.float64]  # (m,) sqrt(J), the energy's gradient: scale times the speed of parting
+    direction: NDArray[np.float64]  # (m,)
+    answer: NDArray[np.float64]  # (m,) what the direction changes in the slope
 
 
 def patience(restitution: float) -> float:
@@ -80,9 +86,11 @@ def make_cluster(n: int, restitution: float, wall_restitution: float) -> Cluster
         b=np.zeros(m, np.int64),
         normal=np.zeros((m, 2)),
         gap=np.zeros(m),
-        weight=np.zeros(m),
-        impulse=np.zeros(m),
-        ahead=np.zeros(m),
+        scale=np.zeros(m),
+        push=np.zeros(m),
+        slope=np.zeros(m),
+        direction=np.zeros(m),
+        answer=np.zeros(m),
     )
 
 
@@ -170,86 +178,135 @@ def gather(cluster, discs, near, surface, a, b):
 
 
 @compiled
-def _move(cluster, discs, m, impulse):
-    """Velocities of the cluster's discs with the given impulses."""
-    moved, inverse_mass = cluster.moved, discs.inverse_mass
+def _weigh(cluster, discs, m):
+    """Set the scales of the contacts, and all pushes to none."""
+    inverse_mass, degree = discs.inverse_mass, cluster.degree
+    for k in range(m):
+        for disc in (cluster.a[k], cluster.b[k]):
+            if disc >= 0:
+                degree[disc] = 0.0
+    for k in range(m):
+        for disc in (cluster.a[k], cluster.b[k]):
+            if disc >= 0:
+                degree[disc] += 1.0
     for k in range(m):
         a, b = cluster.a[k], cluster.b[k]
-        moved[a, 0], moved[a, 1] = discs.velocity[a, 0], discs.velocity[a, 1]
+        split = degree[a] * inverse_mass[a]
         if b >= 0:
-            moved[b, 0], moved[b, 1] = discs.velocity[b, 0], discs.velocity[b, 1]
-    for k in range(m):
-        a, b = cluster.a[k], cluster.b[k]
-        px, py = impulse[k] * cluster.normal[k, 0], impulse[k] * cluster.normal[k, 1]
-        moved[a, 0] += inverse_mass[a] * px
-        moved[a, 1] += inverse_mass[a] * py
-        if b >= 0:
-            moved[b, 0] -= inverse_mass[b] * px
-            moved[b, 1] -= inverse_mass[b] * py
+            split += degree[b] * inverse_mass[b]
+        cluster.scale[k] = 1.0 / math.sqrt(split)
+        cluster.push[k] = 0.0
 
 
 @compiled
-def _parting(cluster, k):
-    """m/s, at which the two of contact k part; negative when they approach."""
-    a, b = cluster.a[k], cluster.b[k]
-    vx, vy = cluster.moved[a, 0], cluster.moved[a, 1]
-    if b >= 0:
-        vx -= cluster.moved[b, 0]
-        vy -= cluster.moved[b, 1]
-    return vx * cluster.normal[k, 0] + vy * cluster.normal[k, 1]
+def _apply(cluster, discs, m, push, still, into):
+    """Write scale * speed of parting of every contact with the given pushes into `into`.
+
+    Args:
+        still: count from rest instead of from the discs' velocities.
+    """
+    moved, inverse_mass = cluster.moved, discs.inverse_mass
+    for k in range(m):
+        for disc in (cluster.a[k], cluster.b[k]):
+            if disc >= 0:
+                moved[disc, 0] = 0.0 if still else discs.velocity[disc, 0]
+                moved[disc, 1] = 0.0 if still else discs.velocity[disc, 1]
+    for k in range(m):
+        if push[k] != 0.0:
+            a, b = cluster.a[k], cluster.b[k]
+            impulse = push[k] * cluster.scale[k]
+            px, py = impulse * cluster.normal[k, 0], impulse * cluster.normal[k, 1]
+            moved[a, 0] += inverse_mass[a] * px
+            moved[a, 1] += inverse_mass[a] * py
+            if b >= 0:
+                moved[b, 0] -= inverse_mass[b] * px
+                moved[b, 1] -= inverse_mass[b] * py
+    for k in range(m):
+        a, b = cluster.a[k], cluster.b[k]
+        vx, vy = moved[a, 0], moved[a, 1]
+        if b >= 0:
+            vx -= moved[b, 0]
+            vy -= moved[b, 1]
+        into[k] = cluster.scale[k] * (vx * cluster.normal[k, 0] + vy * cluster.normal[k, 1])
 
 
 @compiled
 def _settled(cluster, m, rest):
-    """Whether no contact is closed any more, or closes within the `rest` seconds of the step."""
+    """Whether no contact closes any more within the `rest` seconds of the step."""
     for k in range(m):
-        parting = _parting(cluster, k)
+        parting = cluster.slope[k] / cluster.scale[k]
         if not (parting >= -0.25 * TOUCH_SPEED or cluster.gap[k] + parting * rest > 0.0):
             return False
     return True
 
 
 @compiled
+def _begin(cluster, m):
+    """Start conjugate gradients from here: down the gradient, among the contacts that push."""
+    for k in range(m):
+        cluster.direction[k] = cluster.slope[k] if cluster.push[k] > 0.0 else 0.0
+
+
+@compiled
 def _solve(cluster, discs, m, rest):
-    """Find the impulses, and the velocities that they lead to. False if there are none within SWEEPS sweeps."""
-    inverse_mass, impulse, ahead = discs.inverse_mass, cluster.impulse, cluster.ahead
-    for k in range(m):
-        cluster.degree[cluster.a[k]] = 0.0
-        if cluster.b[k] >= 0:
-            cluster.degree[cluster.b[k]] = 0.0
-    for k in range(m):
-        cluster.degree[cluster.a[k]] += 1.0
-        if cluster.b[k] >= 0:
-            cluster.degree[cluster.b[k]] += 1.0
-    for k in range(m):
-        a, b = cluster.a[k], cluster.b[k]
-        split = cluster.degree[a] * inverse_mass[a]
-        if b >= 0:
-            split += cluster.degree[b] * inverse_mass[b]
-        cluster.weight[k] = 1.0 / split
-        impulse[k] = 0.0
-        ahead[k] = 0.0
-    pace = 1.0
-    for sweep in range(SWEEPS):
-        if sweep % CHECK == 0:
-            _move(cluster, discs, m, impulse)
+    """Find the pushes, and the velocities that they lead to. False if there are none."""
+    push, slope, direction, answer = cluster.push, cluster.slope, cluster.direction, cluster.answer
+    _weigh(cluster, discs, m)
+    _apply(cluster, discs, m, push, False, slope)
+    _begin(cluster, m)
+    for _ in range(ITERATIONS):
+        if _settled(cluster, m, rest):
+            _apply(cluster, discs, m, push, False, slope)  # without the roundings of the steps
             if _settled(cluster, m, rest):
                 return True
-        _move(cluster, discs, m, ahead)
-        against = 0.0
-        next_pace = 0.5 + math.sqrt(0.25 + pace * pace)
-        swing = (pace - 1.0) / next_pace
+            _begin(cluster, m)
+        idle2, free = 0.0, 0.0  # how much those that do not push call for it, and those that push for a change
         for k in range(m):
-            before, extrapolated = impulse[k], ahead[k]
-            impulse[k] = max(0.0, extrapolated - cluster.weight[k] * _parting(cluster, k))
-            change = impulse[k] - before
-            against += (extrapolated - impulse[k]) * change / cluster.weight[k]
-            ahead[k] = impulse[k] + swing * change
-        pace = next_pace
-        if against > 0.0:  # it swings past: from here as from the start
-            pace = 1.0
+            if push[k] > 0.0:
+                free += min(push[k] / STEP, slope[k]) * slope[k]
+            elif slope[k] < 0.0:
+                idle2 += slope[k] * slope[k]
+        proportional = idle2 <= free
+        if not proportional:
             for k in range(m):
-                ahead[k] = impulse[k]
+                direction[k] = min(slope[k], 0.0) if push[k] <= 0.0 else 0.0
+        _apply(cluster, discs, m, direction, True, answer)
+        along, curvature, size = 0.0, 0.0, 0.0
+        for k in range(m):
+            along += slope[k] * direction[k]
+            curvature += direction[k] * answer[k]
+            size += direction[k] * direction[k]
+        if not curvature > SINGULAR * size:
+            return False
+        length = along / curvature
+        most = math.inf
+        if proportional:
+            for k in range(m):
+                if direction[k] > 0.0:
+                    most = min(most, push[k] / direction[k])
+        if length <= most:
+            for k in range(m):
+                push[k] = max(0.0, push[k] - length * direction[k])
+                slope[k] -= length * answer[k]
+            if proportional:
+                conjugate = 0.0
+                for k in range(m):
+                    if push[k] > 0.0:
+                        conjugate += slope[k] * answer[k]
+                conjugate /= curvature
+                for k in range(m):
+                    direction[k] = (slope[k] if push[k] > 0.0 else 0.0) - conjugate * direction[k]
+            else:
+                _begin(cluster, m)
+        else:  # as far as the first that ends its push, and on down the gradient, ending pushes on the way
+            for k in range(m):
+                push[k] = max(0.0, push[k] - most * direction[k])
+                slope[k] -= most * answer[k]
+            for k in range(m):
+                if push[k] > 0.0:
+                    push[k] = max(0.0, push[k] - STEP * slope[k])
+            _apply(cluster, discs, m, push, False, slope)
+            _begin(cluster, m)
     return False
 
 
@@ -294,7 +351,7 @@ def settle(cluster, discs, m, rest, contacts, count, time):
         _halt(cluster, discs, m)
         return count
     for k in range(m):
-        impulse = cluster.impulse[k]
+        impulse = cluster.push[k] * cluster.scale[k]
         a, b = cluster.a[k], cluster.b[k]
         for disc in (a, b):
             if disc >= 0:
