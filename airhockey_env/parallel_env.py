@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 from gymnasium.error import DependencyNotInstalled, ResetNeeded
+from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from airhockey_env.checks import check_limit, check_seed
@@ -113,6 +114,9 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
         "is_parallelizable": True,
     }
 
+    np_random: np.random.Generator
+    """Of wrappers that draw, such as SuperSuit's `frame_skip_v0`. The game's random stream is not this one."""
+
     def __init__(
         self,
         *,
@@ -181,6 +185,7 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
         if seed is not None:
             self._game.seed([seed])
             self._seeded = True
+            self.np_random, self.np_random_seed = seeding.np_random(seed)
         self._game.reset(options=checked)
         self.agents = list(AGENTS)
         if self.render_mode == "human":
