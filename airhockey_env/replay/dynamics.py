@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from airhockey_env.game import REWARDS, Game
 from airhockey_env.physics import FIELDS
+from airhockey_env.players import NAMES
 from airhockey_env.records import AUTORESET_SAME_STEP, LEFT, PUCK, RIGHT
 from airhockey_env.spaces import DIRECTIONS
 from airhockey_env.tables import TableSpec
@@ -33,7 +34,7 @@ def arguments_of(game: Game, place: int = 0) -> dict[str, Any]:
     opponent = game.opponents[place] if game.opponents else None
     return {
         "task": next(name for name, task in TASKS.items() if task.number == settings["task"]),
-        "opponent": opponent if isinstance(opponent, str) else None,
+        "opponent": recorded_name(opponent),
         "table": dataclasses.asdict(game.spec),
         "continuous": game.continuous,
         "reward": REWARDS[int(settings["shaped"])],
@@ -42,6 +43,11 @@ def arguments_of(game: Game, place: int = 0) -> dict[str, Any]:
         "points": int(settings["points"]),
         "max_episode_steps": int(settings["max_steps"]) or None,
     }
+
+
+def recorded_name(opponent: Any) -> str | None:
+    """The name by which a replay knows an opponent; None for one whose actions it has to keep."""
+    return opponent if isinstance(opponent, str) and opponent in NAMES else None
 
 
 def game_of(arguments: dict[str, Any], num_tables: int = 1, **changes: Any) -> Game:
