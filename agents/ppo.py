@@ -17,11 +17,11 @@ from stable_baselines3.common.vec_env import VecMonitor
 from agents.checks import check_ranges, check_table, not_default
 from agents.evaluation import OPPONENTS, play_points
 from agents.features import RelativeFeatures
-from agents.files import read_json, write_json
+from agents.files import read_arguments, read_json, write_json
 from agents.league import League
 from agents.learning import ProgressBar, seed_learning
 from agents.models import export_policy
-from agents.runs import Clock, Records, RunFolder, logger, save, until_ctrl_c
+from agents.runs import HISTORY, Clock, Records, RunFolder, logger, save, until_ctrl_c
 from agents.sb3_files import load_weights, read_model
 from airhockey_env.players import Opponent
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
@@ -263,12 +263,10 @@ def train(args: TrainArgs) -> RunFolder:
         _check_resumed(args)
         folder = RunFolder.open(args.resume)
         asked = args.steps
-        try:
-            kept, history = read_json(folder.config), read_json(folder.evaluations)
-            args = type(args)(**{**kept, "steps": args.steps or kept["steps"], "resume": args.resume})
-            history = {name: history[name] for name in ("practice", "evaluations", "updates", "report")}
-        except (TypeError, KeyError) as error:
-            raise ValueError(f"{folder.path} cannot be resumed, its files do not fit: {error}") from error
+        kept = read_arguments(folder.config, type(args))
+        args = dataclasses.replace(kept, steps=args.steps or kept.steps, resume=args.resume)
+        history = read_json(folder.evaluations, HISTORY)
+        history = {name: history[name] for name in HISTORY}
         args.check()
         model, league = make_model(args, make_env(args)), args.league()
         load_weights(model, folder.model)

@@ -12,11 +12,30 @@ from typing import Any
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import KVWriter, Logger, configure
 
-from agents.files import write_json
+from agents.files import COUNT, NUMBER, POSITIVE, SHARE, TEXT, or_none, write_json
 from agents.learning import ProgressBar
 from agents.models import export_policy
 from airhockey_env.files import replace
 from airhockey_env.records import OBSERVATION_SIZE
+
+EVALUATION = {
+    "steps": COUNT,
+    "seconds": NUMBER,
+    "opponent": TEXT,
+    **dict.fromkeys(("wins", "losses", "draws"), COUNT),
+    "points": POSITIVE,
+    **dict.fromkeys(("win_rate", "decided_win_rate"), or_none(SHARE)),
+    **dict.fromkeys(("win_rate_95", "decided_win_rate_95"), (SHARE, SHARE)),
+}
+"""What a file of records has of every evaluation, for `read_json`."""
+
+HISTORY = {
+    "practice": or_none(COUNT),
+    "evaluations": [EVALUATION],
+    "updates": [{"steps": COUNT, "seconds": NUMBER}],
+    "report": [{}],
+}
+"""What the file of records of a run of `train_ppo` has."""
 
 
 class RunFolder:
