@@ -4,10 +4,25 @@ from __future__ import annotations
 
 import json
 import math
+import os
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from airhockey_env.files import replace
+
+
+def replace_together(writes: Mapping[Path, Callable[[Path], object]]) -> None:
+    """Let each function make a file beside its path; when all are made, put them in the places of the paths."""
+    parts = {path: path.with_name(f".part-{path.name}") for path in writes}
+    try:
+        for path, write in writes.items():
+            write(parts[path])
+        for path, part in parts.items():
+            os.replace(part, path)
+    finally:
+        for part in parts.values():
+            part.unlink(missing_ok=True)
 
 
 def write_json(path: Path, data: Any) -> None:

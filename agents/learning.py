@@ -2,14 +2,41 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
+import zipfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv
 
 from agents.seeding import sequence, table_seeds
+from agents.stopping import Stop, Stopped
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
+
+
+def load_weights(model: BaseAlgorithm, path: Path) -> None:
+    """Put weights, the optimisers' states and the counters of a file into a freshly built model of the same shape.
+
+    Nothing is unpickled.
+
+    Raises:
+        ValueError: the file is damaged, or of another model.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            data = json.loads(archive.read("data"))
+        _, params, variables = load_from_zip_file(path, device="cpu", load_data=False)
+        model.set_parameters(params, exact_match=True, device="cpu")
+        for name, value in (variables or {}).items():
+            getattr(model, name).data.copy_(value)
+        model.__dict__.update({name: int(data[name]) for name in ("num_timesteps", "_episode_num", "_n_updates")})
+    except Exception as error:  # whatever damage makes of zip, JSON and PyTorch
+        raise ValueError(f"{path} does not hold this run's model: {error}") from error
 
 
 def seed_tables(env: VecEnv, seeds: list[int]) -> None:
@@ -57,3 +84,30 @@ class ProgressBar(BaseCallback):
         """Leave the bar as it is: training has ended, or was stopped."""
         if self.bar is not None:
             self.bar.close()
+
+
+@contextlib.contextmanager
+def learning(stop: Stop, bar: ProgressBar, save: Callable[[], object], go_on: str) -> Iterator[None]:
+    """Let what is within learn until it ends, fails or is asked to stop; however it ends, `save` comes next.
+
+    Args:
+        go_on: the command that goes on with the run.
+
+    Raises:
+        Stopped, KeyboardInterrupt: the command was asked to end, by more than one Ctrl-C. The run is saved.
+    """
+    try:
+        yield
+    except BaseException as error:
+        asked = isinstance(error, (KeyboardInterrupt, Stopped)) and stop.asked
+        if not asked:
+            with contextlib.suppress(OSError):  # a full disk may be what failed
+                save()
+            raise
+    finally:
+        bar.close()
+    save()
+    if stop.asked:
+        print(f"\nStopped; the run is saved. Go on with: {go_on}")
+        stop.take_ctrl_c()
+        stop.check()

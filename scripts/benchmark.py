@@ -18,6 +18,7 @@ from rich.table import Table
 
 import airhockey_env
 from agents.checks import check_output
+from agents.counts import Count
 from agents.files import write_json
 from scripts._command import run_command
 from scripts.bench import batch, options, pucks, single, start, training
@@ -39,7 +40,7 @@ PARTS: dict[str, ModuleType] = {
 class BenchmarkArgs:
     """Measure how fast everything is, beside what else there is. What is compared takes turns; medians are printed."""
 
-    rounds: int = 5
+    rounds: Count = 5
     """Rounds of every measurement."""
     seconds: float = 0.2
     """Of one measurement, about."""
