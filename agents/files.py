@@ -5,9 +5,10 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import os
 import types
 import typing
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
 
@@ -25,6 +26,19 @@ class Checked(Protocol):
 
 
 Args = TypeVar("Args", bound=Checked)
+
+
+def replace_together(writes: Mapping[Path, Callable[[Path], object]]) -> None:
+    """Let each function make a file beside its path; when all are made, put them in the places of the paths."""
+    parts = {path: path.with_name(f".part-{path.name}") for path in writes}
+    try:
+        for path, write in writes.items():
+            write(parts[path])
+        for path, part in parts.items():
+            os.replace(part, path)
+    finally:
+        for part in parts.values():
+            part.unlink(missing_ok=True)
 
 
 def write_json(path: Path, data: Any) -> None:
@@ -118,10 +132,11 @@ def _brief(value: Any) -> str:
     return text if len(text) <= 40 else f"{text[:37]}..."
 
 
-def read_arguments(path: Path, arguments: type[Args]) -> Args:
+def read_arguments(path: Path, arguments: type[Args], beside: Sequence[str] = ()) -> Args:
     """The arguments record that a run's config.json keeps, checked.
 
     Args:
+        beside: names of what else the file may hold.
         arguments: a dataclass whose fields are numbers, texts, paths or tuples of these; those that the file lacks have
             their defaults. Its method `check` raises ValueError for what is out of range.
 
@@ -134,6 +149,8 @@ def read_arguments(path: Path, arguments: type[Args]) -> Args:
     fields = {field.name for field in dataclasses.fields(arguments)}  # type: ignore[arg-type]
     values = {}
     for name, value in kept.items():
+        if name in beside:
+            continue
         if name not in fields:
             raise ValueError(f"{path}: {name!r} is no argument of this version")
         try:

@@ -15,6 +15,7 @@ from rich.progress import track
 
 import airhockey_env
 from agents.checks import check_output
+from agents.counts import Count
 from agents.files import write_json
 from agents.tables import print_table
 from scripts._command import run_command
@@ -38,7 +39,7 @@ PARTS: dict[str, ModuleType] = {
 class BenchmarkArgs:
     """Measure how fast everything is, beside what else there is. What is compared takes turns; medians are printed."""
 
-    rounds: int = 5
+    rounds: Count = 5
     """Rounds of every measurement."""
     seconds: float = 0.2
     """Of one measurement, about."""

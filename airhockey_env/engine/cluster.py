@@ -25,7 +25,12 @@ from numpy.typing import NDArray
 from airhockey_env.compiled import compiled
 from airhockey_env.engine.impact import record, stop
 from airhockey_env.engine.tolerances import (
-    COLLAPSE_CONTACTS, COLLAPSE_SHARE, COLLAPSE_TIME, SKIN, TABLE_CONTACTS, TOUCH_SPEED,
+    COLLAPSE_CONTACTS,
+    COLLAPSE_SHARE,
+    COLLAPSE_TIME,
+    SKIN,
+    TABLE_CONTACTS,
+    TOUCH_SPEED,
 )  # fmt: skip
 
 PAIRS = 8
