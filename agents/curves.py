@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from agents.files import read_json
+from agents.files import COUNT, TEXT, read_json
 from agents.plots import plain, save_figure
-from agents.runs import RunFolder
+from agents.runs import EVALUATION, RunFolder
 
 COLORS = ("#2f6fdd", "#e5395b", "#1f9d72", "#b0721f", "#7a4fd0", "#3a4152")
 
@@ -23,13 +23,11 @@ def read_runs(names: Sequence[str]) -> dict[str, dict[str, Any]]:
     runs = {}
     for name in names:
         folder = RunFolder.open(name)
-        config, history = read_json(folder.config), read_json(folder.evaluations)
-        try:
-            if not history["evaluations"]:
-                raise ValueError(f"{folder.path} has no evaluations yet")
-            runs[folder.path.name] = {"opponent": config["opponent"], "seed": config["seed"], **history}
-        except (TypeError, KeyError) as error:
-            raise ValueError(f"{folder.path} does not hold the records of a run: {error}") from error
+        config = read_json(folder.config, {"opponent": TEXT, "seed": COUNT})
+        history = read_json(folder.evaluations, {"evaluations": [EVALUATION]})
+        if not history["evaluations"]:
+            raise ValueError(f"{folder.path} has no evaluations yet")
+        runs[folder.path.name] = {"opponent": config["opponent"], "seed": config["seed"], **history}
     return runs
 
 

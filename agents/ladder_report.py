@@ -22,7 +22,7 @@ def print_ladder(ratings: Sequence[Rating], matches: Sequence[Match]) -> None:
         shares = (f"{count / row.points:.1%}" if row.points else "" for count in (row.wins, row.losses, row.draws))
         interval = "fixed" if row.low == row.high else f"{row.low:.0f} to {row.high:.0f}"
         rows.append((str(place), row.player, f"{row.rating:.0f}", interval, str(row.points), *shares))
-    heads = ("", "player", "rating", "95 %", "points", "won", "lost", "drawn")
+    heads: tuple[str, ...] = ("", "player", "rating", "95 %", "points", "won", "lost", "drawn")
     print_table("Ladder, best first", [heads, *rows], names=1)
     scores = cross_table(names, matches)
     table: list[tuple[str, ...]] = [

@@ -11,6 +11,8 @@ right.
 
 from __future__ import annotations
 
+import dataclasses
+import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -19,7 +21,7 @@ from typing import Any
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 
-from agents.files import read_json, write_json
+from agents.files import COUNT, FILE, SHARE, TEXT, or_none, read_json, write_json
 from agents.models import export_policy
 from agents.seeding import sequence
 from airhockey_env.players import Opponent
@@ -170,11 +172,20 @@ class League(BaseCallback):
         Raises:
             FileNotFoundError, ValueError: files are missing or damaged.
         """
-        kept: dict[str, Any] = read_json(folder / "league.json")
-        try:
-            files = [entry.pop("file") for entry in kept["members"]]
-            self.members = [Member(**entry) for entry in kept["members"]]
-            self.due = kept["due"]
-        except (TypeError, KeyError, AttributeError) as error:
-            raise ValueError(f"{folder / 'league.json'} does not hold a league: {error}") from error
+        member = {"name": TEXT, "points": COUNT, "won": SHARE, "drawn": SHARE, "file": or_none(FILE)}
+        kept: dict[str, Any] = read_json(folder / "league.json", {"due": COUNT, "members": [member]})
+        names = [entry["name"] for entry in kept["members"][: 1 + len(self.scripted)]]
+        if names != [LATEST, *self.scripted]:
+            raise ValueError(
+                f"{folder / 'league.json'}: its members must begin with {[LATEST, *self.scripted]}, got {names}"
+            )
+        files = [entry["file"] for entry in kept["members"]]
+        if any(file is None for file in files[len(names) :]) or any(files[: len(names)]):
+            raise ValueError(f"{folder / 'league.json'}: past selves and nobody else must have a file, got {files}")
+        past = [entry["name"] for entry in kept["members"][len(names) :]]
+        if not all(re.fullmatch(r"self at [0-9]+", name) for name in past):  # which will be names of files
+            raise ValueError(f"{folder / 'league.json'}: past selves must be called 'self at' a step, got {past}")
+        fields = [field.name for field in dataclasses.fields(Member)]
+        self.members = [Member(**{name: entry[name] for name in fields}) for entry in kept["members"]]
+        self.due = kept["due"]
         self.past = {k: MlpPolicy.load(folder / "league" / file) for k, file in enumerate(files) if file}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -9,6 +11,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
 from agents.seeding import sequence, table_seeds
+from agents.stopping import Stop, Stopped
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 
 
@@ -57,3 +60,30 @@ class ProgressBar(BaseCallback):
         """Leave the bar as it is: training has ended, or was stopped."""
         if self.bar is not None:
             self.bar.close()
+
+
+@contextlib.contextmanager
+def learning(stop: Stop, bar: ProgressBar, save: Callable[[], object], go_on: str) -> Iterator[None]:
+    """Let what is within learn until it ends, fails or is asked to stop; however it ends, `save` comes next.
+
+    Args:
+        go_on: the command that goes on with the run.
+
+    Raises:
+        Stopped, KeyboardInterrupt: the command was asked to end, by more than one Ctrl-C. The run is saved.
+    """
+    try:
+        yield
+    except BaseException as error:
+        asked = isinstance(error, (KeyboardInterrupt, Stopped)) and stop.asked
+        if not asked:
+            with contextlib.suppress(OSError):  # a full disk may be what failed
+                save()
+            raise
+    finally:
+        bar.close()
+    save()
+    if stop.asked:
+        print(f"\nStopped; the run is saved. Go on with: {go_on}")
+        stop.take_ctrl_c()
+        stop.check()

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 from stable_baselines3 import PPO
@@ -14,19 +15,26 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 from stable_baselines3.common.vec_env import VecMonitor
 
-from agents.checks import check_ranges, check_table, not_default
+from agents.checks import check_ranges, check_resumed, check_table
+from agents.counts import Count, OptionalCount
 from agents.evaluation import OPPONENTS, play_points
 from agents.features import RelativeFeatures
 from agents.files import read_json, write_json
 from agents.league import League
-from agents.learning import ProgressBar, seed_learning
+from agents.learning import ProgressBar, learning, seed_learning
 from agents.models import export_policy
-from agents.runs import Clock, Records, RunFolder, logger, save, until_ctrl_c
+from agents.runs import HISTORY, Clock, Records, RunFolder, logger, read_config, save
 from agents.sb3_files import load_weights, read_model
+from agents.stopping import Stop, StopLearning, stopping
 from airhockey_env.players import Opponent
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import PRESETS
 from airhockey_env.tasks import TASKS
+
+Args = TypeVar("Args", bound="TrainArgs")
+
+ENOUGH_STEPS = 3_000_000
+"""A shorter run is told before it begins that little will come of it."""
 
 MOST_PRACTICE = 4_000_000
 """Steps of shooting practice, unless the command line says otherwise."""
@@ -40,13 +48,13 @@ class TrainArgs:
     """Name of the run's folder under runs/. Default: ppo- and the time."""
     resume: str | None = None
     """Go on with this run (its folder, or its name under runs/), with its own arguments, to --steps in all."""
-    steps: int | None = None
+    steps: OptionalCount = None
     """Environment steps in all. Default: 20 million, or with --resume what the run was to have."""
     seed: int = 0
     """Of the network, the actions and the tables."""
     opponents: tuple[str, ...] = ("striker",)
     """Whom to play against, on as many tables each; name one twice to meet it twice as often."""
-    warmup_steps: int | None = None
+    warmup_steps: OptionalCount = None
     """Steps of shooting practice (the task "hit") at first, at most. Without practice, agents learn to defend and to
     wait, not to shoot. Default: half of --steps, but no more than 4 million."""
     warmup_success: float = 0.8
@@ -57,13 +65,13 @@ class TrainArgs:
     """"sparse" or "shaped"."""
     table: str = "full_size"
     """A table preset."""
-    num_envs: int = 512
+    num_envs: Count = 512
     """Tables."""
-    n_steps: int = 32
+    n_steps: Count = 32
     """Steps on each table between updates."""
-    batch_size: int = 2048
+    batch_size: Count = 2048
     """Samples of a gradient step."""
-    n_epochs: int = 3
+    n_epochs: Count = 3
     """Passes over the samples of an update."""
     learning_rate: float = 3.5e-4
     """Of practice; after it, it falls linearly to a fiftieth."""
@@ -75,18 +83,18 @@ class TrainArgs:
     """Of PPO's surrogate objective."""
     ent_coef: float = 0.0
     """Weight of the entropy bonus."""
-    sde_sample_freq: int = 8
+    sde_sample_freq: Count = 8
     """Steps that a random disturbance of the actions lasts (gSDE): one that is drawn anew in every step mostly cancels
     itself before it moves a paddle anywhere. 0: drawn anew in every step, whatever the state."""
     log_std_init: float = -2.5
     """Logarithm of the disturbance at the start; the network makes it about ten times as large with gSDE."""
-    net_width: int = 64
+    net_width: Count = 64
     """Units in each of the two hidden layers, of policy and value network alike."""
-    eval_every: int = 2_000_000
+    eval_every: Count = 2_000_000
     """Steps between evaluations, each with a checkpoint."""
-    eval_points: int = 400
+    eval_points: Count = 400
     """Points of an evaluation against the training opponent."""
-    report_points: int = 2000
+    report_points: Count = 2000
     """Points against each scripted opponent for the report at the end."""
     threads: int = 1
     """Of torch. The network is small: a second thread gains nothing, and waits where other programs run."""
@@ -135,9 +143,16 @@ class _Watch(BaseCallback):
     """Evaluates and saves while training."""
 
     def __init__(
-        self, folder: RunFolder, args: TrainArgs, league: League | None, history: dict[str, Any], clock: Clock
+        self,
+        folder: RunFolder,
+        args: TrainArgs,
+        league: League | None,
+        history: dict[str, Any],
+        clock: Clock,
+        stop: Stop,
     ) -> None:
         super().__init__()
+        self.stop = stop
         self.league = league
         self.folder = folder
         self.args = args
@@ -157,11 +172,13 @@ class _Watch(BaseCallback):
             self.due = self.num_timesteps + self.args.eval_every
             self.evaluate()
 
-    def finish(self, model: PPO) -> None:
-        """Evaluate at the end of training too, and save everything."""
-        _save(self.folder, model, self.history, self.league)
-        if model.num_timesteps > self._evaluated():
-            self.init_callback(model)
+    def save(self) -> None:
+        """Write everything that a resumed run needs but its arguments."""
+        _save(self.folder, self.model, self.history, self.league)
+
+    def finish(self) -> None:
+        """Evaluate at the end of training too."""
+        if self.model.num_timesteps > self._evaluated():
             self.evaluate()
 
     def evaluate(self) -> None:
@@ -173,13 +190,14 @@ class _Watch(BaseCallback):
             seed=self.args.seed,
             purpose="progress",
             table=self.args.table,
+            watch=self.stop.watch,
         )
         row = {"steps": self.model.num_timesteps, "seconds": self.clock.seconds, **result.as_dict()}
         self.history["evaluations"].append(row)
         for name in ("win_rate", "decided_win_rate", "mean_seconds"):
             self.logger.record(f"eval/{name}", row[name])
         self.logger.record("eval/draw_rate", row["draws"] / row["points"])
-        _save(self.folder, self.model, self.history, self.league)
+        self.save()
 
 
 def make_env(args: TrainArgs, task: str = "point", opponents: Sequence[Opponent] | None = None) -> VecMonitor:
@@ -242,88 +260,139 @@ class Falling:
         return self.start * (0.02 + 0.98 * left)
 
 
-def train(args: TrainArgs) -> RunFolder:
+def train(args: TrainArgs, callbacks: Sequence[BaseCallback] = ()) -> RunFolder:
     """Train to `args.steps`, or until Ctrl-C; then write the report. Returns the run's folder.
+
+    A second Ctrl-C, SIGTERM or SIGHUP leaves out the report, not the saving.
+
+    Args:
+        callbacks: of Stable-Baselines3, for trackers and the like. Their training begins and ends twice: for shooting
+            practice and for the game. A callback that returns False ends the one of the two that is on.
 
     Raises:
         ValueError, FileExistsError, FileNotFoundError: an argument does not fit; nothing has been written then.
+        BlockingIOError: another process trains this run.
+        OSError: the run could not be saved; its last checkpoint is whole.
     """
     args.check()
-    torch.set_num_threads(args.threads)
-    if args.resume is None:
-        args = args.resolved()
-        model, league = make_model(args, make_env(args)), args.league()
-        if (other := args.begins_with()) is not None:
-            _take_over(model, RunFolder.open(other))
-        folder = RunFolder.create(args.name)
-        history: dict[str, Any] = {"practice": None, "evaluations": [], "updates": [], "report": []}
-        _save(folder, model, history, league)
-        write_json(folder.config, dataclasses.asdict(args))  # last: what has it can be resumed
-    else:
-        _check_resumed(args)
-        folder = RunFolder.open(args.resume)
-        asked = args.steps
-        try:
-            kept, history = read_json(folder.config), read_json(folder.evaluations)
-            args = type(args)(**{**kept, "steps": args.steps or kept["steps"], "resume": args.resume})
-            history = {name: history[name] for name in ("practice", "evaluations", "updates", "report")}
-        except (TypeError, KeyError) as error:
-            raise ValueError(f"{folder.path} cannot be resumed, its files do not fit: {error}") from error
-        args.check()
-        model, league = make_model(args, make_env(args)), args.league()
-        load_weights(model, folder.model)
-        if asked is not None and model.num_timesteps >= asked + args.num_envs * args.n_steps:
-            raise ValueError(f"the run has {model.num_timesteps:,} steps: --steps must be more, got {asked:,}")
-        if league is not None:
-            league.load(folder.path)
+    with contextlib.ExitStack() as stack:
+        stop = stack.enter_context(stopping())
+        if args.resume is None:
+            folder, args, model, league, history = _begin(args, stack)
+        else:
+            folder, args, model, league, history = _go_on(args, stack)
+        _train(folder, args, model, league, history, callbacks, stop)
+    return folder
+
+
+def _begin(
+    args: TrainArgs, stack: contextlib.ExitStack
+) -> tuple[RunFolder, TrainArgs, PPO, League | None, dict[str, Any]]:
+    """A new run; its folder stays locked as long as the stack."""
     args = args.resolved()
+    torch.set_num_threads(args.threads)
+    model, league = make_model(args, make_env(args)), args.league()
+    if (other := args.begins_with()) is not None:
+        _take_over(model, RunFolder.open(other, "--start"))
+    folder = RunFolder.create(args.name)
+    stack.enter_context(folder.locked(new=True))
+    history: dict[str, Any] = {"practice": None, "evaluations": [], "updates": [], "report": []}
+    _save(folder, model, history, league)
+    settings = {"command": args.command, **dataclasses.asdict(args)}
+    write_json(folder.config, settings)  # last: what has it can be resumed
+    return folder, args, model, league, history
+
+
+def _go_on(
+    args: TrainArgs, stack: contextlib.ExitStack
+) -> tuple[RunFolder, TrainArgs, PPO, League | None, dict[str, Any]]:
+    """A run that goes on; its folder stays locked as long as the stack."""
+    folder, kept = own_args(args)
+    check_resumed(args, kept)
+    stack.enter_context(folder.locked())
+    asked = args.steps
+    args = dataclasses.replace(kept, steps=asked or kept.steps).resolved()
+    args.check()
+    history = read_json(folder.evaluations, HISTORY)
+    history = {name: history[name] for name in HISTORY}
+    torch.set_num_threads(args.threads)
+    model, league = make_model(args, make_env(args)), args.league()
+    load_weights(model, folder.model)
+    if asked is not None and model.num_timesteps >= asked + args.num_envs * args.n_steps:
+        raise ValueError(f"the run has {model.num_timesteps:,} steps: --steps must be more, got {asked:,}")
+    if league is not None:
+        league.load(folder.path)
+    return folder, args, model, league, history
+
+
+def own_args(args: Args) -> tuple[RunFolder, Args]:
+    """The folder that `args.resume` names, and the arguments that the run was begun with.
+
+    Raises:
+        FileNotFoundError: there is no such run.
+        ValueError: it is a run of another command, or damaged.
+    """
+    assert args.resume is not None
+    folder = RunFolder.open(args.resume, "--resume")
+    return folder, read_config(folder, type(args), args.command, resume=args.resume)
+
+
+def _train(
+    folder: RunFolder,
+    args: TrainArgs,
+    model: PPO,
+    league: League | None,
+    history: dict[str, Any],
+    callbacks: Sequence[BaseCallback],
+    stop: Stop,
+) -> None:
     assert args.steps is not None and args.warmup_steps is not None
+    steps = args.steps
     clock = Clock(history["updates"][-1]["seconds"] if history["updates"] else 0.0)
     model.set_logger(logger(folder, Records(history["updates"], clock)))
-    watch = _Watch(folder, args, league, history, clock)
-    steps = args.steps
-    whom = "against " + " and ".join(args.opponents) + ("" if league is None else " and its past selves")
+    watch = _Watch(folder, args, league, history, clock, stop)
+    watch.init_callback(model)
     practising = history["practice"] is None and args.begins_with() is None and args.warmup_steps > 0
+    whom = "against " + " and ".join(args.opponents) + ("" if league is None else " and its past selves")
     plan = whom
     if practising:
         most = f"{args.warmup_success:.0%} of it succeeds, or for {args.warmup_steps:,} steps"
         plan = f"shooting practice until {most}; then {whom}"
     print(f"{folder.path}: {steps:,} steps in all: {plan}. Ctrl-C stops early and keeps everything.")
+    if args.begins_with() is None and steps < ENOUGH_STEPS:
+        print(
+            f"{steps:,} steps are too few to learn the game: of runs with fewer than {ENOUGH_STEPS:,}, hardly any wins "
+            "half of the points against the striker (docs/training.md)."
+        )
     bar = ProgressBar()
-    with until_ctrl_c(bar, f"Stopped. Go on with: python -m scripts.{args.command} --resume {folder.path}"):
+    others = [*callbacks, watch, bar, StopLearning(stop)]
+    go_on = f"python -m scripts.{args.command} --resume {folder.path}"
+    with learning(stop, bar, watch.save, go_on):
         if practising and model.num_timesteps < steps:
             practice = Practice(args.warmup_steps, args.warmup_success)
             seed_learning(model, make_env(args, "hit", ["idle"]), "practice", args.seed)
             model.lr_schedule = Falling(args.learning_rate, begins=1.0)
-            _learn(model, steps, [practice, watch, bar])
+            _learn(model, steps, [practice, *others])
             history["practice"] = model.num_timesteps if practice.over else None
-        if model.num_timesteps < steps:
+        if model.num_timesteps < steps and not stop.asked:
             if practising:
                 print(f"Practice is over after {model.num_timesteps:,} steps; now {whom}.")
-            opponents, callbacks = (None, []) if league is None else (league.pool, [league])
+            opponents, drawn = (None, []) if league is None else (league.pool, [league])
             seed_learning(model, make_env(args, "point", opponents), "training", args.seed)
             model.lr_schedule = Falling(args.learning_rate, begins=(history["practice"] or 0) / steps)
-            _learn(model, steps, [*callbacks, watch, bar])
+            _learn(model, steps, [*drawn, *others])
     if practising and (history["practice"] or model.num_timesteps) >= steps:
         print(f"All of it was shooting practice: with more --steps the agent would have played {whom}.")
     print("Playing for the report ...")
-    watch.finish(model)
-    report(folder, args, history)
-    return folder
-
-
-def _check_resumed(args: TrainArgs) -> None:
-    """Raises ValueError if a run is resumed with arguments that are not the defaults: it would not heed them."""
-    given = [f"--{name.replace('_', '-')}" for name in not_default(args) if name not in ("resume", "steps")]
-    if given:
-        raise ValueError(f"--resume goes on with the run's own arguments and --steps alone, got {' '.join(given)}")
+    watch.finish()
+    report(folder, args, history, stop)
 
 
 def _save(folder: RunFolder, model: BaseAlgorithm, history: dict[str, Any], league: League | None) -> None:
     """Write everything that a resumed run needs but its arguments."""
-    save(folder, model, history)
     if league is not None:
         league.save(folder.path)
+    save(folder, model, history)
 
 
 def _take_over(model: PPO, folder: RunFolder) -> None:
@@ -362,7 +431,7 @@ def _learn(model: PPO, steps: int, callbacks: list[BaseCallback]) -> None:
     model.learn(left, callback=CallbackList(callbacks), reset_num_timesteps=model.num_timesteps == 0)
 
 
-def report(folder: RunFolder, args: TrainArgs, history: dict[str, Any]) -> None:
+def report(folder: RunFolder, args: TrainArgs, history: dict[str, Any], stop: Stop) -> None:
     """Play against every scripted opponent, print and write the results, and draw picture and video."""
     from agents.report import draw_training, print_results
     from agents.video import frames_of_play, write_video
@@ -370,7 +439,9 @@ def report(folder: RunFolder, args: TrainArgs, history: dict[str, Any]) -> None:
 
     policy = MlpPolicy.load(folder.policy)
     results = [
-        play_points(policy, name, args.report_points, seed=args.seed, purpose="report", table=args.table)
+        play_points(
+            policy, name, args.report_points, seed=args.seed, purpose="report", table=args.table, watch=stop.watch
+        )
         for name in OPPONENTS
     ]
     history["report"] = [result.as_dict() for result in results]
@@ -379,5 +450,5 @@ def report(folder: RunFolder, args: TrainArgs, history: dict[str, Any]) -> None:
     draw_training(history, args.opponent, folder.picture)
     if args.video_seconds > 0:
         frames = frames_of_play(policy, args.opponent, args.video_seconds, size=(640, 344), table=args.table)
-        write_video(folder.video, frames)
+        write_video(folder.video, stop.between(frames))
     print(f"Model, policy, TensorBoard logs, evaluations, training.png and video: {folder.path}")

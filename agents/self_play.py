@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from agents.checks import check_ranges
+from agents.counts import Count, OptionalCount
 from agents.league import League
 from agents.ppo import TrainArgs
 
@@ -16,13 +17,13 @@ class SelfPlayArgs(TrainArgs):
 
     start: str | None = None
     """Begin with the network of this run (its folder, or its name under runs/) in place of shooting practice."""
-    steps: int | None = None
+    steps: OptionalCount = None
     """Environment steps in all. Default: 30 million, or with --resume what the run was to have."""
     opponents: tuple[str, ...] = ("striker", "goalie", "idle")
     """Scripted opponents in the league."""
     learning_rate: float = 4e-4
     """At the start; falls linearly to a fiftieth of it."""
-    sde_sample_freq: int = 0
+    sde_sample_freq: Count = 0
     """As of the baseline; but here large disturbances that are drawn anew in every step make the better players."""
     log_std_init: float = -1.2
     """Logarithm of the disturbance at the start."""
@@ -31,9 +32,9 @@ class SelfPlayArgs(TrainArgs):
     scripted_share: float = 0.25
     """Of episodes against the scripted opponents. The others are against past selves; of both kinds, those who are hard
     come more often."""
-    snapshot_every: int = 2_000_000
+    snapshot_every: Count = 2_000_000
     """Steps between the copies of the agent that join the league."""
-    most_past_selves: int = 12
+    most_past_selves: Count = 12
     """Copies in the league; the weakest leaves when there are more."""
 
     default_steps = 30_000_000

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env.compiled import compiled, machine_code, records
 from airhockey_env.engine.advance import advance
+from airhockey_env.engine.cluster import forget, make_cluster
 from airhockey_env.engine.discrete import advance_discrete
 from airhockey_env.engine.near import FEWEST, find_near, make_near
 from airhockey_env.engine.records import CONTACT, SURFACE, Discs
@@ -50,11 +51,11 @@ def _recorded(buffer: NDArray[np.void], count: int) -> NDArray[np.void]:
 
 
 @compiled
-def play_part(discs, driven, surface, start, dt, limit, contacts, near):
+def play_part(discs, driven, surface, start, dt, limit, contacts, near, cluster):
     """Play a step of `dt` seconds, or what is left of it, until the buffer of contacts is full.
 
     Args:
-        discs, limit, contacts, near: see `advance`.
+        discs, limit, contacts, near, cluster: see `advance`.
         driven: (n, 2), keeps the velocities of driven discs.
         surface: (1,) `SURFACE`.
         start: s; negative for a new step.
@@ -72,17 +73,19 @@ def play_part(discs, driven, surface, start, dt, limit, contacts, near):
         for a in range(n):
             discs.hits[a] = 0
             driven[a, 0], driven[a, 1] = discs.velocity[a, 0], discs.velocity[a, 1]
+        if cluster is not None:
+            forget(cluster)
     if near is not None:
         find_near(near, discs, dt - start)
-    outcome = advance(discs, surface[0], start, dt, limit, contacts, True, near)
-    if outcome.contacts < contacts.shape[0]:
+    outcome = advance(discs, surface[0], start, dt, limit, contacts, True, near, cluster)
+    if outcome.contacts < contacts.shape[0] and not outcome.elapsed < dt:
         for a in range(n):
             if discs.inverse_mass[a] == 0.0:  # those that gave way did so for this step only
                 discs.velocity[a, 0], discs.velocity[a, 1] = driven[a, 0], driven[a, 1]
     return outcome.elapsed, outcome.contacts
 
 
-_play_parts: dict[bool, Callable[..., tuple[float, int]]] = {}
+_play_parts: dict[tuple[bool, bool], Callable[..., tuple[float, int]]] = {}
 """The machine code of `play_part` without and with pairs that are near, once it is needed."""
 
 
@@ -166,6 +169,7 @@ class AirTable:
         self._buffer = records(max(64, 4 * n), CONTACT)
         self._driven = np.zeros((n, 2))
         self._near = make_near(n) if n >= FEWEST else None
+        self._cluster = make_cluster(n, float(restitution), float(wall_restitution)) if n >= FEWEST else None
 
     @property
     def positions(self) -> NDArray[np.float64]:
@@ -244,20 +248,21 @@ class AirTable:
 
     def _step_continuous(self, dt: float) -> NDArray[np.void]:
         limit = int(min(TABLE_CONTACTS * max(1.0, dt), 2.0**30))
-        discs, buffer, near = self._discs(), self._buffer, self._near
-        play = _play_parts.get(near is None)
+        discs, buffer, near, cluster = self._discs(), self._buffer, self._near, self._cluster
+        kind = (near is None, cluster is None)
+        play = _play_parts.get(kind)
         if play is None:
-            arguments = (discs, self._driven, self._surface, -1.0, dt, limit, buffer, near)
-            play = _play_parts[near is None] = machine_code(play_part, *arguments)
-        elapsed, count = play(discs, self._driven, self._surface, -1.0, dt, limit, buffer, near)
+            arguments = (discs, self._driven, self._surface, -1.0, dt, limit, buffer, near, cluster)
+            play = _play_parts[kind] = machine_code(play_part, *arguments)
+        elapsed, count = play(discs, self._driven, self._surface, -1.0, dt, limit, buffer, near, cluster)
         if count < 0:
             self._check_motion()
-        if count < len(buffer):
+        if count < len(buffer) and not elapsed < dt:
             return _recorded(buffer, count)
         parts = [_recorded(buffer, count)]
-        while count == len(buffer):
+        while count == len(buffer) or elapsed < dt:
             buffer = records(2 * len(buffer), CONTACT)  # full: go on where it paused, with more room
-            elapsed, count = play(discs, self._driven, self._surface, elapsed, dt, limit, buffer, near)
+            elapsed, count = play(discs, self._driven, self._surface, elapsed, dt, limit, buffer, near, cluster)
             parts.append(_recorded(buffer, count))
         return np.concatenate(parts)
 

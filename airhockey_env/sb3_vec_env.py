@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 from gymnasium.error import DependencyNotInstalled
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env.checks import check_seed
 from airhockey_env.face import BatchFace
@@ -20,6 +20,7 @@ from airhockey_env.records import AUTORESET_SAME_STEP
 from airhockey_env.reset_options import ResetOptions
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.table_view import of_tables, set_of_tables
+from airhockey_env.tables import TableSpec
 from airhockey_env.threads import one_at_a_time
 
 try:
@@ -46,11 +47,11 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
     Args:
         num_envs: number of tables.
         max_episode_steps: steps after which an episode is truncated; None: those of the task's id; -1: no limit.
+        num_threads: threads that share a large batch; None takes all cores. The results do not depend on it.
         render_mode: None or `"rgb_array"`.
-        render_size: as in `AirHockeyEnv`.
-        opponent: as in `AirHockeyEnv`, or a sequence: a pool that the tables share and that can be changed while
-            playing, see `OpponentPool`.
-        **arguments: those of `AirHockeyEnv` and `num_threads`; `opponent_skill` may be an array, one for each table.
+        task, opponent, opponent_skill, table, obs_type, continuous, reward, control_hz, randomize, render_size: as in
+            `AirHockeyEnv`. `opponent` may also be a sequence, a pool that the tables share and that can be changed
+            while playing: see `OpponentPool`. `opponent_skill` may also be an array, one for each table.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012
@@ -59,18 +60,34 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
         self,
         num_envs: int,
         *,
-        opponent: Opponent | Sequence[Opponent] = "striker",
         max_episode_steps: int | None = None,
+        num_threads: int | None = None,
+        task: str = "point",
+        opponent: Opponent | Sequence[Opponent] = "striker",
+        opponent_skill: ArrayLike = 1.0,
+        table: str | TableSpec | Mapping[str, float] = "full_size",
+        obs_type: str = "state",
+        continuous: bool = True,
+        reward: str = "sparse",
+        control_hz: float = 50,
+        randomize: Mapping[str, tuple[float, float]] | None = None,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
-        **arguments: Any,
     ) -> None:
         game = Game(
             num_envs,
+            task=task,
+            table=table,
             opponent=check_opponent(opponent, several=True),
+            opponent_skill=opponent_skill,
+            obs_type=obs_type,
+            continuous=continuous,
+            reward=reward,
+            control_hz=control_hz,
+            randomize=randomize,
             max_episode_steps=max_episode_steps,
             autoreset=AUTORESET_SAME_STEP,
-            **arguments,
+            num_threads=num_threads,
         )
         self._show(game, render_mode, render_size)
         self._targets: NDArray[np.float32] | None = None

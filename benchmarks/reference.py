@@ -1,14 +1,11 @@
-"""The default game in hand-written C (airhockey.c), compiled where it is needed and called through ctypes."""
+"""The default game in hand-written C (airhockey.c), built where it is needed and called through ctypes."""
 
 from __future__ import annotations
 
 import atexit
 import ctypes
 import functools
-import platform
 import shutil
-import subprocess
-import sysconfig
 import tempfile
 from pathlib import Path
 
@@ -18,10 +15,7 @@ from numpy.typing import NDArray
 
 from airhockey_env.game import Game
 from airhockey_env.records import PHYSICS, TABLE
-
-SOURCE = Path(__file__).with_name("airhockey.c")
-FLAGS = ("-O3", "-march=native", "-ffp-contract=off", "-shared", "-fPIC")
-NO_FMA = "-mno-fma"  # gcc's vectorizer makes fused operations of a rotation in spite of -ffp-contract=off
+from benchmarks import build
 
 
 def _part(dtype: np.dtype, names: str) -> np.dtype:
@@ -42,27 +36,19 @@ OUTPUTS = (
 )
 
 
-def compiler() -> str | None:
-    """The C compiler, or None."""
-    named = (sysconfig.get_config_var("CC") or "").split()
-    return next((path for name in ("cc", *named[:1]) if (path := shutil.which(name))), None)
-
-
 @functools.cache
-def library() -> ctypes.CDLL:
-    """The game, compiled; once a process.
+def library(command: tuple[str, ...] | None = None, flags: tuple[str, ...] | None = None) -> ctypes.CDLL:
+    """The game, built once a process by a compiler's command with flags; as `build` chooses them where not given.
 
     Raises:
-        DependencyNotInstalled: there is no C compiler.
+        DependencyNotInstalled: there is no C compiler, or it does not work.
     """
-    cc = compiler()
-    if cc is None:
+    command = command or build.compiler()
+    if command is None:
         raise DependencyNotInstalled("the game in C needs a C compiler (cc): install gcc or clang")
     folder = tempfile.mkdtemp(prefix="airhockey")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    path = Path(folder) / "airhockey.so"
-    flags = (*FLAGS, NO_FMA) if platform.machine().lower() in ("x86_64", "amd64", "i686") else FLAGS
-    subprocess.run([cc, *flags, "-o", str(path), str(SOURCE), "-lm"], check=True)
+    path = build.build(command, build.flags(command) if flags is None else flags, Path(folder) / "airhockey.so")
     game = ctypes.CDLL(str(path))
     rows, pointer, number = ctypes.c_int64, ctypes.c_void_p, ctypes.c_int32
     game.step_rows.argtypes = [rows, rows, pointer, pointer, pointer, pointer, number, number]
@@ -79,9 +65,17 @@ class CGame:
         out: arrays by the names of `OUTPUTS`, as those of `Game.out`.
     """
 
-    def __init__(self, game: Game) -> None:
-        """Take over the tables, their physics and the settings of `game`, which is left as it is."""
-        self._library = library()
+    def __init__(self, game: Game, code: ctypes.CDLL | None = None) -> None:
+        """Take over the tables, their physics and the settings of `game`, which is left as it is.
+
+        Args:
+            game: the game to go on with.
+            code: its steps, `library()` by default.
+
+        Raises:
+            DependencyNotInstalled: there is no C compiler, or it does not work.
+        """
+        self._library = code or library()
         n = game.num_tables
         self.tables = np.zeros(n, STATE)
         self.take(game)

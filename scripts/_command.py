@@ -9,17 +9,32 @@ from typing import TypeVar
 import tyro
 from gymnasium.error import DependencyNotInstalled
 
+from agents.checks import check_resumed
+
 Args = TypeVar("Args")
 
 
-def run_command(name: str, arguments: type[Args], act: Callable[[Args], object]) -> None:
+def run_command(
+    name: str,
+    arguments: type[Args],
+    act: Callable[[Args], object],
+    own_args: Callable[[Args], tuple[object, Args]] | None = None,
+) -> None:
     """Read the command line of `python -m scripts.NAME` into `arguments` and act on it.
+
+    Args:
+        own_args: of a command with --resume: the folder and the arguments of the run that it names. Options that were
+            given are then told from defaults by reading the command line with the run's own arguments as defaults.
 
     Whatever a user can set right (a wrong argument, a file that is missing or damaged, a full disk) ends the process
     with one line and exit code 1; Ctrl-C ends it with 130.
     """
-    args = tyro.cli(arguments, prog=f"python -m scripts.{name}")
+    prog = f"python -m scripts.{name}"
+    args = tyro.cli(arguments, prog=prog)
     try:
+        if own_args is not None and getattr(args, "resume", None) is not None:
+            _, kept = own_args(args)
+            check_resumed(args, kept, tyro.cli(arguments, prog=prog, default=kept))
         act(args)
     except KeyboardInterrupt:
         print("\nStopped.", file=sys.stderr)

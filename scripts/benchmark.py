@@ -15,16 +15,18 @@ from rich.progress import track
 
 import airhockey_env
 from agents.checks import check_output
+from agents.counts import Count
 from agents.files import write_json
 from agents.tables import print_table
 from scripts._command import run_command
-from scripts.bench import batch, options, pucks, single, start, training
+from scripts.bench import batch, c_flags, options, pucks, single, start, training
 from scripts.bench.measure import Effort
 from scripts.kiss import page
 from scripts.kiss.style import check_matplotlib
 
 PARTS: dict[str, ModuleType] = {
     "batch": batch,
+    "c_flags": c_flags,
     "single": single,
     "options": options,
     "pucks": pucks,
@@ -37,11 +39,11 @@ PARTS: dict[str, ModuleType] = {
 class BenchmarkArgs:
     """Measure how fast everything is, beside what else there is. What is compared takes turns; medians are printed."""
 
-    rounds: int = 5
+    rounds: Count = 5
     """Rounds of every measurement."""
     seconds: float = 0.2
     """Of one measurement, about."""
-    only: Literal["batch", "single", "options", "pucks", "start", "training"] | None = None
+    only: Literal["batch", "c_flags", "single", "options", "pucks", "start", "training"] | None = None
     """One part alone."""
     quick: bool = False
     """One short round of what is small, to see that it works."""

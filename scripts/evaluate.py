@@ -9,6 +9,7 @@ from typing import Annotated
 import tyro
 
 from agents.checks import check_output, check_ranges, check_table
+from agents.counts import Count
 from agents.evaluation import OPPONENTS, SOLO_TASKS, play_points, play_task
 from agents.files import write_json
 from agents.models import PLAYER_HELP, TRUST_HELP, load_player, short_name
@@ -25,7 +26,7 @@ class EvaluateArgs:
     """"point"; or "hit" or "defend", which have no opponent."""
     opponent: str = "all"
     """A player as above, or "all" for every named opponent."""
-    episodes: int = 2000
+    episodes: Count = 2000
     """Points against each; or episodes of the task."""
     opponent_skill: float = 1.0
     """0 to 1."""

@@ -9,6 +9,7 @@ from typing import Annotated
 import tyro
 
 from agents.checks import check_output, check_ranges, check_table
+from agents.counts import Count
 from agents.files import write_json
 from agents.ladder import ANCHOR, ANCHOR_RATING, PRIOR, find_players, play_ladder, rate
 from agents.ladder_report import draw_ladder, print_ladder
@@ -30,7 +31,7 @@ class LadderArgs:
     ] = ()
     only: bool = False
     """Leave out the named opponents that are not given."""
-    points: int = 2000
+    points: Count = 2000
     """Of each pair."""
     table: str = "full_size"
     """A table preset."""

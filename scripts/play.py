@@ -11,6 +11,7 @@ import numpy as np
 import tyro
 
 from agents.checks import check_ranges, check_table
+from agents.counts import Count
 from agents.live_match import START_PAUSE, LiveMatch
 from agents.models import PLAYER_HELP, TRUST_HELP, load_player, short_name
 from agents.sounds import Sounds
@@ -46,7 +47,7 @@ class PlayArgs:
     """0 to 1: share of its paddle's speed that the opponent uses."""
     table: str = "full_size"
     """A table preset."""
-    points: int = 7
+    points: Count = 7
     """Points that win the match."""
     fps: int = 60
     """Pictures for a second, 20 to 480."""

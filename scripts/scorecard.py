@@ -9,6 +9,7 @@ from typing import Annotated
 import tyro
 
 from agents.checks import check_output, check_ranges, check_table
+from agents.counts import Count
 from agents.files import write_json
 from agents.models import PLAYER_HELP, TRUST_HELP, load_player, short_name
 from agents.scorecard import measure
@@ -26,9 +27,9 @@ class ScorecardArgs:
     model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL", help=PLAYER_HELP)]
     opponent: str = "striker"
     """A player as above."""
-    points: int = 2000
+    points: Count = 2000
     """Against the opponent."""
-    episodes: int = 4000
+    episodes: Count = 4000
     """Of each task."""
     table: str = "full_size"
     """A table preset."""

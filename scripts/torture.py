@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agents.checks import check_ranges
+from agents.counts import Count, OptionalCount
 from scripts._command import run_command
 from scripts.torturing.cases import Case
 from scripts.torturing.hostile import play_hostile
@@ -29,11 +30,11 @@ class TortureArgs:
 
     seconds: float = 60.0
     """To play for; what is under way then is finished."""
-    steps: int | None = None
+    steps: OptionalCount = None
     """Stop after so many steps, if that is sooner."""
     seed: int = 0
     """All that is played follows from it and from the number of the bout."""
-    first: int = 0
+    first: Count = 0
     """Number of the bout to begin with: to go on where another run has stopped."""
     jobs: int = 1
     """Processes to play in."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from agents.algorithms import AlgorithmArgs, train
+from agents.algorithms import AlgorithmArgs, own_args, train
 from scripts._command import run_command
 
 
 def main() -> None:
     """Read the command line and train."""
-    run_command("train", AlgorithmArgs, train)
+    run_command("train", AlgorithmArgs, train, own_args)
 
 
 if __name__ == "__main__":

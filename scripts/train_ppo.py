@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from agents.ppo import TrainArgs, train
+from agents.ppo import TrainArgs, own_args, train
 from scripts._command import run_command
 
 
 def main() -> None:
     """Read the command line and train."""
-    run_command("train_ppo", TrainArgs, train)
+    run_command("train_ppo", TrainArgs, train, own_args)
 
 
 if __name__ == "__main__":

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from agents.ppo import train
+from agents.ppo import own_args, train
 from agents.self_play import SelfPlayArgs
 from scripts._command import run_command
 
 
 def main() -> None:
     """Read the command line and train."""
-    run_command("train_self_play", SelfPlayArgs, train)
+    run_command("train_self_play", SelfPlayArgs, train, own_args)
 
 
 if __name__ == "__main__":

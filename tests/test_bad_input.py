@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import math
 import re
 
@@ -100,9 +101,21 @@ def test_autoreset_mode(value):
         AirHockeyVectorEnv(2, autoreset_mode=value)
 
 
-def test_unknown_arguments(make):
-    with pytest.raises(TypeError, match="oponent"):
-        make(oponent="idle")
+@pytest.mark.parametrize("name", ["oponent", "player", "points", "autoreset"])  # the others are the game's own
+def test_unknown_arguments(make, name):
+    with pytest.raises(TypeError, match=name):
+        make(**{name: 1})
+
+
+def test_every_api_has_the_same_arguments():
+    single, batch, sb3 = (
+        inspect.signature(api).parameters for api in (AirHockeyEnv, AirHockeyVectorEnv, AirHockeySB3VecEnv)
+    )
+    assert set(batch) - set(single) == {"num_envs", "num_threads", "autoreset_mode"}
+    assert set(batch) - set(sb3) == {"autoreset_mode"}
+    for name in set(single) - {"max_episode_steps"}:  # gymnasium.make puts its own limit around a single environment
+        assert single[name].default == batch[name].default == sb3[name].default, name
+    assert batch["max_episode_steps"].default is sb3["max_episode_steps"].default is None
 
 
 # Actions

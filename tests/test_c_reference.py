@@ -1,17 +1,34 @@
-"""The game in C that the benchmark measures against is the same game."""
+"""The game in C that the benchmark measures against is the same game, whatever compiler builds it."""
 
 from __future__ import annotations
 
+import platform
+import shutil
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
+from gymnasium.error import DependencyNotInstalled
 
 from airhockey_env.game import Game
 from airhockey_env.records import AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP, CONTACT_ROWS
-from benchmarks.reference import OUTPUTS, STATE, CGame, compiler
+from benchmarks import build
+from benchmarks.reference import OUTPUTS, STATE, CGame, library
 
-pytestmark = pytest.mark.skipif(compiler() is None, reason="needs a C compiler")
-
+COMPILERS = build.compilers()
 TABLES, STEPS = 128, 300
+# The processors that object code is made for, whatever the one that runs this: -march= of gcc and of clang.
+X86 = ("haswell", "bdver2", "skylake-avx512", "sapphirerapids")
+ARM = ("armv8-a", "armv8.3-a", "armv8.6-a+sve2")
+HERE = X86 if platform.machine().lower() in ("x86_64", "amd64") else ARM
+ARM_COMPILERS = (
+    ("aarch64-linux-gnu-gcc",),
+    ("clang", "--target=aarch64-linux-gnu", "--sysroot=/usr/aarch64-linux-gnu", "-I/usr/aarch64-linux-gnu/include"),
+)
+
+needs_compiler = pytest.mark.skipif(not COMPILERS, reason="needs a C compiler")
+every_compiler = pytest.mark.parametrize("command", COMPILERS, ids=" ".join)
 
 
 def the_same(game: Game, c_game: CGame) -> None:
@@ -25,13 +42,14 @@ def the_same(game: Game, c_game: CGame) -> None:
         np.testing.assert_array_equal(theirs, ours, err_msg=name)
 
 
+@every_compiler
 @pytest.mark.parametrize("autoreset", [AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP])
 @pytest.mark.parametrize("play", ["random", "chase"])
-def test_the_c_game_plays_the_same_to_the_bit(autoreset: int, play: str) -> None:
+def test_the_c_game_plays_the_same_to_the_bit(autoreset: int, play: str, command: tuple[str, ...]) -> None:
     game = Game(TABLES, autoreset=autoreset, max_episode_steps=200, num_threads=1)
     game.seed(list(range(TABLES)))
     game.reset()
-    c_game = CGame(game)
+    c_game = CGame(game, library(command))
     the_same(game, c_game)
     rng = np.random.default_rng(0)
     contacts = goals = timeouts = 0
@@ -52,15 +70,71 @@ def test_the_c_game_plays_the_same_to_the_bit(autoreset: int, play: str) -> None
     assert timeouts > 5 or play == "chase"
 
 
-def test_resets_are_the_same() -> None:
+@every_compiler
+def test_resets_are_the_same(command: tuple[str, ...]) -> None:
     game = Game(TABLES, autoreset=AUTORESET_NEXT_STEP, num_threads=1)
     game.seed(list(range(TABLES)))
-    c_game = CGame(game)
+    c_game = CGame(game, library(command))
     game.reset()
     c_game.reset()
     the_same(game, c_game)
 
 
+def fused(command: tuple[str, ...], options: list[str], folder: Path, link: bool = False) -> list[str]:
+    """The fused multiply-adds of the game as this compiler builds it with these options."""
+    found = build.fused(build.build(command, options, folder / "airhockey.o", link))
+    if found is None:
+        pytest.skip("needs a disassembler")
+    return found
+
+
+@every_compiler
+def test_nothing_is_fused_on_this_processor(command: tuple[str, ...], tmp_path: Path) -> None:
+    assert fused(command, build.flags(command), tmp_path, link=True) == []
+
+
+@pytest.mark.parametrize(
+    ("command", "processor"),
+    [
+        *((command, processor) for command in COMPILERS for processor in HERE),
+        *((command, processor) for command in ARM_COMPILERS if shutil.which(command[0]) for processor in ARM),
+    ],
+    ids=lambda value: value if isinstance(value, str) else value[0],
+)
+def test_nothing_is_fused_on_any_processor(command: tuple[str, ...], processor: str, tmp_path: Path) -> None:
+    options = [flag for flag in build.flags(command) if flag not in build.NATIVE] + [f"-march={processor}"]
+    if not build.knows(command, options[-1], "-include", "math.h"):
+        pytest.skip("the compiler does not build for this processor")
+    assert fused(command, options, tmp_path) == []
+
+
+@every_compiler
+def test_what_is_fused_is_found(command: tuple[str, ...], tmp_path: Path) -> None:
+    options = ["-O3", f"-march={HERE[0]}", "-ffp-contract=fast"]
+    if not build.knows(command, *options):
+        pytest.skip("the compiler does not build for this processor")
+    assert len(fused(command, options, tmp_path)) > 10
+
+
+def test_flags_that_a_compiler_does_not_know_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    compiler = tmp_path / "compiler.py"  # an old one of ARM's, say
+    compiler.write_text("import sys\nsys.exit('-march=native' in sys.argv or '-fno-tree-slp-vectorize' in sys.argv)\n")
+    command = (sys.executable, str(compiler))
+    assert build.flags(command) == ["-O3", "-mcpu=native", "-ffp-contract=off", "-fno-math-errno"]
+    monkeypatch.setenv("CC", " ".join(command))
+    assert build.compiler() == command
+
+
+def test_a_compiler_that_is_missing_or_broken_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler -m64")
+    with pytest.raises(DependencyNotInstalled, match="no-such-compiler"):
+        build.compiler()
+    broken = (sys.executable, "-c", "raise SystemExit('no headers')")
+    with pytest.raises(DependencyNotInstalled, match="no headers"):
+        build.build(broken, build.FLAGS, tmp_path / "airhockey.so")
+
+
+@needs_compiler
 def test_actions_of_another_kind_are_refused() -> None:
     c_game = CGame(Game(TABLES))
     with pytest.raises(ValueError, match="actions must be contiguous float32"):

@@ -246,6 +246,21 @@ def test_the_fingerprint_tells_games_apart_and_repeats():
     assert prints[0] == replay.fingerprint(json.loads(json.dumps(base)))
 
 
+def test_no_limit_is_null_in_files_of_older_versions(recorded, tmp_path):
+    loaded, states = Replay.load(recorded), list(play_back(recorded))
+    for limit in (-1, None):
+        dataclasses.replace(loaded, arguments={**loaded.arguments, "max_episode_steps": limit}).save(tmp_path / "a.npz")
+        plays_back(tmp_path / "a.npz", states)
+
+
+def test_a_replay_opens_no_other_file(recorded, tmp_path):
+    MlpPolicy([np.zeros((2, 13))], [np.zeros(2)]).save(tmp_path / "policy.npz")
+    loaded = Replay.load(recorded)
+    forged = dataclasses.replace(loaded, arguments={**loaded.arguments, "opponent": str(tmp_path / "policy.npz")})
+    with pytest.raises(ValueError, match="opponent must be "):
+        play_back(forged)
+
+
 def test_what_the_fingerprint_misses_shows_at_the_end_of_a_take(recorded, tmp_path):
     ends = Replay.load(recorded).ends.copy()
     ends["position"][1, 2, 0] = np.nextafter(ends["position"][1, 2, 0], 9.0)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 from airhockey_env.compiled import compiled, inlined
+from airhockey_env.engine.cluster import collapses, gather, settle
 from airhockey_env.engine.impact import relieve, strike_disc, strike_edge
 from airhockey_env.engine.kiss import next_kiss
 from airhockey_env.engine.motion import fly
-from airhockey_env.engine.near import keep_near
+from airhockey_env.engine.near import find_near, keep_near
 from airhockey_env.engine.records import DISC, GOAL, NOTHING, WALL, Outcome
 
 
@@ -36,7 +37,7 @@ def resolve(discs, kiss, surface, contacts, count, time):
 
 
 @inlined
-def advance(discs, surface, start, tick, limit, contacts, pause, near):
+def advance(discs, surface, start, tick, limit, contacts, pause, near, cluster=None):
     """Play one table from `start` to `tick` seconds into a tick, exactly.
 
     Ask for the earliest kiss before moving, move everything exactly there, let the two bounce, and ask again with
@@ -50,6 +51,7 @@ def advance(discs, surface, start, tick, limit, contacts, pause, near):
         contacts: `CONTACT` buffer, filled from its beginning in order of time.
         pause: return as soon as the buffer is full, instead of going on without recording.
         near: None, or `Near`, found for what is left of the tick: for tables with many discs.
+        cluster: None, or `Cluster`, in which clusters that collapse are settled at once; needs `near` and `pause`.
 
     Returns:
         Outcome. After a goal the disc's centre lies on the goal line, and the rest of the tick is not played.
@@ -68,6 +70,15 @@ def advance(discs, surface, start, tick, limit, contacts, pause, near):
             return Outcome(elapsed, count, side)
         other = kiss.b if kiss.kind == DISC else -1
         if not relieve(discs, kiss.a, other, limit):
+            if cluster is not None and collapses(cluster, kiss.a, other, elapsed, kiss.kind == WALL):
+                touching = gather(cluster, discs, near, surface, kiss.a, other)
+                if touching > contacts.shape[0] - count:
+                    return Outcome(elapsed, count, 0)
+                before = count
+                count = settle(cluster, discs, touching, tick - elapsed, contacts, count, elapsed)
+                find_near(near, discs, tick - elapsed)
+                if count > before:
+                    continue
             count = resolve(discs, kiss, surface, contacts, count, elapsed)
             if near is not None:
                 keep_near(near, discs, kiss.a, other, tick - elapsed)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airhockey_env.compiled import compiled
+from airhockey_env.engine.tolerances import SKIN
 
 SLACK = 1.5
 """A disc's reach is for this much of its speed: most bounces between equals stay within it."""
@@ -75,7 +76,7 @@ def find_near(near, discs, time):
         vx, vy = velocity[a, 0], velocity[a, 1]
         near.greatest[a] = SLACK * math.sqrt(vx * vx + vy * vy)
         size = abs(position[a, 0]) + abs(position[a, 1])
-        reach[a] = (discs.radius[a] + near.greatest[a] * time) * (1.0 + ROUNDING) + size * ROUNDING
+        reach[a] = (discs.radius[a] * (1.0 + SKIN) + near.greatest[a] * time) * (1.0 + ROUNDING) + size * ROUNDING
         left[a] = position[a, 0] - reach[a]
         start[a] = 0
     start[n] = 0

@@ -18,3 +18,15 @@ GAME_CONTACTS = 8
 TABLE_CONTACTS = 10_000
 """The same for a disc on an `AirTable`, per second of tick (at least a second's worth). So many, because a light puck
 between a wall and one that is a million times as heavy has 3141 honest contacts in a row."""
+
+COLLAPSE_TIME = 1e-3
+"""s. A disc's contacts that follow each other faster than this may be those of a collapsing cluster: see `cluster`."""
+
+COLLAPSE_CONTACTS = 8
+"""So many of them in a row are a collapse if the restitution is 0; the higher it is, the more:"""
+
+COLLAPSE_SHARE = 1e-3
+"""as many more as would take a speed to this share of itself."""
+
+SKIN = 1e-3
+"""Share of the sum of two radii. Discs of a collapsing cluster that are no further apart touch."""

@@ -35,7 +35,7 @@ def arguments_of(game: Game, place: int = 0) -> dict[str, Any]:
     opponent = game.opponents[place] if game.opponents else None
     return {
         "task": next(name for name, task in TASKS.items() if task.number == settings["task"]),
-        "opponent": opponent if isinstance(opponent, str) else None,
+        "opponent": recorded_name(opponent),
         "table": dataclasses.asdict(game.spec),
         "continuous": game.continuous,
         "reward": REWARDS[int(settings["shaped"])],
@@ -44,6 +44,11 @@ def arguments_of(game: Game, place: int = 0) -> dict[str, Any]:
         "points": int(settings["points"]),
         "max_episode_steps": int(settings["max_steps"]) or NO_LIMIT,
     }
+
+
+def recorded_name(opponent: Any) -> str | None:
+    """The name by which a replay knows an opponent; None for one whose actions it has to keep."""
+    return opponent if isinstance(opponent, str) and opponent in NAMES else None
 
 
 def game_of(arguments: dict[str, Any], num_tables: int = 1, **changes: Any) -> Game:

@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from airhockey_env.files import read_arrays, replace
+from airhockey_env.checks import check_number
+from airhockey_env.files import pairs_once, read_arrays, replace
+from airhockey_env.game import CONTROL_HZ
 from airhockey_env.spaces import DIRECTIONS
 
 FORMAT = 1
@@ -74,7 +76,7 @@ class Replay:
         """
         try:
             arrays = read_arrays(path, "RecordReplay", ("replay", *_ARRAYS), MOST_BYTES)
-            notes = json.loads(str(arrays["replay"]))
+            notes = json.loads(str(arrays["replay"]), object_pairs_hook=pairs_once)
             if notes["format"] != FORMAT:
                 raise ValueError(f"it is of format {notes['format']!r}, and this version reads format {FORMAT}")
             given = {**{name: notes[name] for name in _NOTES}, **{name: arrays[name] for name in _ARRAYS}}
@@ -90,13 +92,19 @@ class Replay:
 
     def _check(self) -> None:
         """Whether the arrays fit together; a ValueError (or worse) if not."""
+        texts = (self.version, self.fingerprint, *(() if self.id is None else (self.id,)))
+        if not all(isinstance(text, str) for text in texts) or not isinstance(self.arguments, dict):
+            raise ValueError("version, fingerprint and id must be texts, and arguments an object")
+        if not all(seed is None or (type(seed) is int and seed >= 0) for seed in self.seeds):
+            raise ValueError("seeds must be whole numbers from 0 up, or null")
+        check_number("control_hz", self.arguments["control_hz"], *CONTROL_HZ)
         takes, steps = len(self.starts), len(self.actions)
         shapes = self.starts.shape == self.states.shape == self.ends.shape == (len(self.seeds),)
         if not shapes or not takes or self.starts.dtype != np.int64:
             raise ValueError("there must be a start, a state, an end and a seed (or null) of each take, and some takes")
         if self.starts[0] != 0 or (np.diff(self.starts) < 0).any() or self.starts[-1] > steps:
             raise ValueError(f"starts must rise from 0 to at most {steps}, got {self.starts}")
-        if self.arguments["continuous"]:
+        if self.arguments["continuous"] is True:
             good = self.actions.dtype == np.float32 and self.actions.shape == (steps, 2)
             good = good and bool(np.isfinite(self.actions).all())
         else:
@@ -106,8 +114,6 @@ class Replay:
         good = good and self.others.dtype == np.float32 and self.others.shape == (others, 2)
         if not good or not np.isfinite(self.others).all():
             raise ValueError("the actions are not those of the arguments")
-        if not self.control_hz > 0.0:
-            raise ValueError(f"control_hz must be greater than 0, got {self.control_hz}")
 
 
 def is_replay(path: str | Path) -> bool:

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from airhockey_env.face import draw_row, make_renderer
 from airhockey_env.game import Game
-from airhockey_env.replay.dynamics import fingerprint, game_of, play
+from airhockey_env.physics import spec_of, with_spec
+from airhockey_env.players import NAMES
+from airhockey_env.replay.dynamics import fingerprint, game_of, play, recorded_name
 from airhockey_env.replay.file import Replay
 from airhockey_env.version import __version__
 
@@ -66,9 +68,12 @@ def _prepared(replay: Replay | str | Path) -> tuple[Replay, Game]:
     if not isinstance(replay, Replay):
         replay = Replay.load(replay)
     try:
+        opponent = replay.arguments["opponent"]
+        if opponent is not None and recorded_name(opponent) is None:  # the path of a file, say
+            raise ValueError(f"opponent must be null or one of {NAMES}, got {opponent!r}")
         game = game_of(replay.arguments)
         now = fingerprint(replay.arguments)
-    except (TypeError, ValueError, KeyError, AttributeError) as error:
+    except (TypeError, ValueError, KeyError, AttributeError, OverflowError, RecursionError) as error:
         raise ValueError(f"{replay.name} holds a game that this version does not have: {error}") from error
     if now != replay.fingerprint:
         raise ValueError(
@@ -78,16 +83,41 @@ def _prepared(replay: Replay | str | Path) -> tuple[Replay, Game]:
     dtype = game.get_state().dtype
     if replay.states.dtype != dtype or replay.ends.dtype != dtype:
         raise ValueError(f"{replay.name} holds states of another layout than those of this version {__version__}")
+    for states in (replay.states, replay.ends):
+        _check_states(replay, game, states)
+    if (replay.states["table"] if game.randomized else replay.states)["done"].any():
+        raise ValueError(f"{replay.name} begins a take with a game that is over")
     return replay, game
+
+
+def _check_states(replay: Replay, game: Game, states: NDArray[np.void]) -> None:
+    """What `Game.set_state` leaves to its callers: that an episode is under way, under physics that there can be."""
+    table = states["table"] if game.randomized else states
+    counts = [table[name] for name in ("steps", "clock", "score")]
+    if not (np.abs(table["side"]) == 1).all() or any((count < 0).any() for count in counts):
+        raise ValueError(f"{replay.name} holds states of a game that never began")
+    if game.randomized:
+        for physics in states["physics"]:
+            try:
+                spec_of(physics)
+            except ValueError as error:
+                raise ValueError(f"{replay.name} holds the physics of no table: {error}") from error
+        if with_spec(states["physics"], states["physics"]["spec"]).tobytes() != states["physics"].tobytes():
+            raise ValueError(f"{replay.name} holds physics that do not follow from its table")
 
 
 def _played(replay: Replay, game: Game) -> Iterator[None]:
     """Bring the game to the replay's states, one after the other."""
     last = [*replay.starts[1:].tolist(), len(replay)]
     for take, (start, stop) in enumerate(zip(replay.starts.tolist(), last, strict=True)):
-        game.set_state(replay.states[take : take + 1])
+        try:
+            game.set_state(replay.states[take : take + 1])
+        except ValueError as error:
+            raise ValueError(f"{replay.name} holds a state that no game can be in: {error}") from error
         yield
         for k in range(start, stop):
+            if game.tables["done"][0]:
+                raise ValueError(f"{replay.name} goes on after the end of a game, in step {k}")
             play(game, replay.actions[k], replay.others[k] if len(replay.others) else None)
             yield
         if game.get_state().tobytes() != replay.ends[take].tobytes():

@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorActionWrapper, VectorEnv, Vect
 from numpy.typing import NDArray
 
 from airhockey_env.env import AirHockeyEnv
-from airhockey_env.replay.dynamics import game_of, play
+from airhockey_env.replay.dynamics import game_of, play, recorded_name
 from airhockey_env.replay.takes import Recorder, check_played
 from airhockey_env.vector_env import AirHockeyVectorEnv
 
@@ -61,7 +61,7 @@ class RecordReplay(Recorder, gym.Wrapper, RecordConstructorArgs):
         result = self.env.step(action)
         after = self._state(0)
         if check_played(before, after, "RecordReplay"):  # and not a reset by a wrapper, which the next step will notice
-            other = self._game.answers[0] if callable(self._game.opponents[0]) else None
+            other = self._game.answers[0] if recorded_name(self._game.opponents[0]) is None else None
             self._takes[0].add(before, self._action(action), other, after)
         if result[2] or result[3]:
             self._save_now_and_then()
@@ -155,8 +155,7 @@ class RecordVectorReplay(Recorder, VectorWrapper, RecordConstructorArgs):
 
     def _opponent_of(self, table: int) -> str | None:
         """Who plays on a table: a scripted player's name, or None for one from outside."""
-        opponent = self._game.opponents[self._game.tables["opponent"][table]]
-        return opponent if isinstance(opponent, str) else None
+        return recorded_name(self._game.opponents[self._game.tables["opponent"][table]])
 
     def _check_opponents(self) -> None:
         for i in self._takes:

@@ -57,15 +57,17 @@ def compiled(name: str, num_envs: int, threads: int = 1) -> Measure:
     return _repeat(name, num_envs, _game(num_envs, threads).step, _random_actions(num_envs), threads)
 
 
-def in_c(name: str, num_envs: int) -> Measure:
-    """The same game in hand-written C.
+def in_c(
+    name: str, num_envs: int, command: tuple[str, ...] | None = None, flags: tuple[str, ...] | None = None
+) -> Measure:
+    """The same game in hand-written C, built by a compiler's command with flags.
 
     Raises:
-        DependencyNotInstalled: there is no C compiler.
+        DependencyNotInstalled: there is no C compiler, or it does not work.
     """
-    from benchmarks.reference import CGame
+    from benchmarks.reference import CGame, library
 
-    return _repeat(name, num_envs, CGame(_game(num_envs)).step, _random_actions(num_envs))
+    return _repeat(name, num_envs, CGame(_game(num_envs), library(command, flags)).step, _random_actions(num_envs))
 
 
 def both_sides(name: str, num_envs: int) -> Measure:

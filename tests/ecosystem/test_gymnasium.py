@@ -164,7 +164,9 @@ def assert_same_infos(ours: dict[str, Any], theirs: dict[str, Any], kind: type) 
             assert_same_infos(ours[key], value, kind)
         elif key == "final_obs":
             assert isinstance(ours[key], kind)
-            assert np.asarray(ours[key])[theirs["_final_obs"]].tolist() == np.stack(value[theirs["_final_obs"]]).tolist()
+            assert (
+                np.asarray(ours[key])[theirs["_final_obs"]].tolist() == np.stack(value[theirs["_final_obs"]]).tolist()
+            )
         else:
             assert isinstance(ours[key], kind) and same(np.asarray(ours[key]), np.asarray(value))
 
