@@ -104,12 +104,14 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
         groups = self._option_groups()
         if not self._seeded and self._seeds[0] is None:
             self.seed(int(np.random.SeedSequence().generate_state(1)[0]))
-        self._game.seed(self._seeds)
-        self._seeded = True
+        if self._seeds[0] is not None:
+            self._game.seed(self._seeds)
+            self._seeded = True
+            self._reset_seeds()
         for rows, options in groups:
             self._game.reset(rows, options)
-        self._reset_seeds()
-        self._reset_options()
+        if any(self._options):
+            self._reset_options()
         return self._with_channels(self._game.observations())
 
     def _option_groups(self) -> list[tuple[NDArray[np.int64] | None, ResetOptions]]:
