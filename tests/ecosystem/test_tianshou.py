@@ -6,6 +6,7 @@ from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
+import torch
 from tianshou.algorithm.algorithm_base import Policy
 from tianshou.data import Batch, Collector, VectorReplayBuffer
 from tianshou.env import DummyVectorEnv, SubprocVectorEnv
@@ -41,8 +42,11 @@ def test_infos_are_columns_of_the_buffer() -> None:
 
 def test_an_experiment_comes_back_from_its_folder(tmp_path: Path) -> None:
     run_section("Tianshou", tmp_path)
-    (saved,) = (tmp_path / "log").rglob("experiment.pkl")
-    assert (saved.parent / "policy.pt").exists()
-    experiment = Experiment.from_directory(str(saved.parent), restore_policy=True)
-    world = experiment.create_experiment_world()
-    assert world.algorithm.policy(Batch(obs=np.zeros((3, 13), np.float32), info={})).act.shape == (3, 2)
+    folder = tmp_path / "log" / "air-hockey" / "exp_seed=42"
+    experiment = Experiment.from_directory(str(folder), restore_policy=True)
+    algorithm = experiment.create_experiment_world().algorithm
+    (file,) = folder.glob("policy*")
+    saved, restored = torch.load(file, weights_only=True), algorithm.state_dict()
+    weights = [name for name in saved if name.startswith(("policy.", "critic."))]
+    assert len(weights) > 8 and all(torch.equal(saved[name], restored[name]) for name in weights)
+    assert algorithm.policy(Batch(obs=np.zeros((3, 13), np.float32), info={})).act.shape == (3, 2)
