@@ -13,7 +13,7 @@ from airhockey_env.files import replace
 def write_json(path: Path, data: Any) -> None:
     """Write data as indented JSON. Numbers that JSON does not have (not a number, infinity) become null."""
     text = json.dumps(_finite(data), indent=2, allow_nan=False) + "\n"
-    replace(path, lambda part: part.write_text(text))
+    replace(path, lambda part: part.write_text(text, encoding="utf-8"))
 
 
 def _finite(data: Any) -> Any:
@@ -31,6 +31,6 @@ def read_json(path: Path) -> Any:
         ValueError: the file is not JSON; the message names it.
     """
     try:
-        return json.loads(path.read_text())
+        return json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:  # of the text or of its encoding
         raise ValueError(f"{path} is not a JSON file: {error}") from error

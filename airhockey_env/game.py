@@ -75,6 +75,11 @@ _step_code: list[Callable[..., None]] = []
 """The machine code of `kernel.step_rows`, once it is needed: its arguments are of the same types in every game."""
 
 
+def _cores() -> int:
+    """How many this process may use: taskset, Slurm and containers may leave it few of many."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 class Game:
     """Air hockey on `num_tables` tables at once.
 
@@ -134,7 +139,7 @@ class Game:
         self.control_hz = check_number("control_hz", control_hz, *CONTROL_HZ)
         skill = check_skill(opponent_skill, self.num_tables)
         max_steps = 0 if max_episode_steps is None else check_whole("max_episode_steps", max_episode_steps, 1)
-        self.num_threads = (os.cpu_count() or 1) if num_threads is None else check_whole("num_threads", num_threads, 1)
+        self.num_threads = _cores() if num_threads is None else check_whole("num_threads", num_threads, 1)
         self._threads: ThreadPoolExecutor | None = None
 
         self.ranges = check_ranges(self.spec, {} if randomize is None else randomize)

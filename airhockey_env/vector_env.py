@@ -37,7 +37,8 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
         max_episode_steps: steps after which an episode is truncated, or None.
         autoreset_mode: `NEXT_STEP` (the default), `SAME_STEP` or `DISABLED`, as a `gymnasium.vector.AutoresetMode` or
             its value. With `DISABLED`, reset the tables that are done by `reset(options={"reset_mask": mask})`.
-        num_threads: threads that share a large batch; None takes all cores. The results do not depend on it.
+        num_threads: threads that share a large batch; None takes all cores that the process may use. The
+            results do not depend on it.
         render_mode: None or `"rgb_array"`; `render()` then returns a tuple of pictures, one a table.
         task, opponent, opponent_skill, table, obs_type, continuous, reward, control_hz, randomize, render_size: as in
             `AirHockeyEnv`. A callable opponent is asked once a step, for all tables. `opponent` may also be a sequence,

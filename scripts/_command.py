@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import sys
 from collections.abc import Callable
 from typing import TypeVar
@@ -18,6 +19,9 @@ def run_command(name: str, arguments: type[Args], act: Callable[[Args], object])
     Whatever a user can set right (a wrong argument, a file that is missing or damaged, a full disk) ends the process
     with one line and exit code 1; Ctrl-C ends it with 130.
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal that has no µ gets a ?
     args = tyro.cli(arguments, prog=f"python -m scripts.{name}")
     try:
         act(args)

@@ -128,7 +128,9 @@ def test_base_dependencies_are_three() -> None:
     ]
     every = set().union(*(requirements for name, requirements in project["optional-dependencies"].items()))
     constrained = {
-        line.partition("==")[0] for line in (ROOT / "constraints.txt").read_text().splitlines() if "==" in line
+        line.partition("==")[0]
+        for line in (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+        if "==" in line
     }
     named = {requirement.partition(">")[0] for requirement in every if not requirement.startswith("airhockey-env")}
     assert named <= constrained, "constraints.txt must pin what the extras name"
@@ -176,5 +178,5 @@ def test_a_missing_extra_is_named(tmp_path: Path) -> None:
 
 
 def test_the_version_stands_in_one_place() -> None:
-    assert airhockey_env.__version__ in (ROOT / "CHANGELOG.md").read_text()
-    assert f"version: {airhockey_env.__version__}\n" in (ROOT / "CITATION.cff").read_text()
+    assert airhockey_env.__version__ in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert f"version: {airhockey_env.__version__}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
