@@ -142,7 +142,7 @@ def read_section(path: Path, env_id: str) -> dict[str, Any]:
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path} of hyperparameters")
     try:
-        sections = yaml.safe_load(path.read_text())
+        sections = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (yaml.YAMLError, UnicodeDecodeError, ValueError, TypeError, RecursionError) as error:
         raise ValueError(f"{path} is not a YAML file: {error}") from error
     if not isinstance(sections, dict) or not isinstance(sections.get(env_id), dict):

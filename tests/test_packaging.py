@@ -129,7 +129,7 @@ def test_base_dependencies_are_three() -> None:
     ]
     for extra, requirements in project["optional-dependencies"].items():
         name = f"constraints-{extra}.txt" if extra in ("ecosystem", "distributed") else "constraints.txt"
-        lines = (ROOT / name).read_text().splitlines()
+        lines = (ROOT / name).read_text(encoding="utf-8").splitlines()
         constrained = {line.partition("==")[0] for line in lines if "==" in line}
         named = {re.split(r"[>\[]", requirement)[0] for requirement in requirements} - {"airhockey-env"}
         assert named <= constrained, f"{name} must pin what the extra {extra} names"
@@ -177,5 +177,5 @@ def test_a_missing_extra_is_named(tmp_path: Path) -> None:
 
 
 def test_the_version_stands_in_one_place() -> None:
-    assert airhockey_env.__version__ in (ROOT / "CHANGELOG.md").read_text()
-    assert f"version: {airhockey_env.__version__}\n" in (ROOT / "CITATION.cff").read_text()
+    assert airhockey_env.__version__ in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert f"version: {airhockey_env.__version__}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")

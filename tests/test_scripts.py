@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import signal
@@ -447,9 +448,18 @@ class TestBenchmark:
         rows = json.loads((tmp_path / "result.json").read_text())["batch"]
         assert {row["at"] for row in rows} == {1, 16, 256}
         assert all(row["best"] >= row["per_second"] > 0.0 for row in rows)
-        written = (tmp_path / "page.md").read_text()
+        written = (tmp_path / "page.md").read_text(encoding="utf-8")
         assert "| tables |" in written and "| its compiled step alone |" in written
         assert (tmp_path / "plot.png").stat().st_size > 10_000
+
+    def test_a_terminal_without_the_letters_gets_others(
+        self, tmp_path: Path, call: Call, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        shown = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+        monkeypatch.setattr(sys, "stdout", shown)
+        call("benchmark", "--quick", "--only", "single")
+        shown.seek(0)
+        assert "?s a step" in shown.read()
 
     @pytest.mark.parametrize("part", ["c_flags", "single", "options", "pucks", "start", "training"])
     def test_every_part(self, part: str) -> None:
@@ -474,5 +484,5 @@ class TestBenchmark:
     def test_a_page_without_a_place_is_refused_before_anything_is_measured(self, tmp_path: Path, call: Call) -> None:
         page = "<!-- table batch -->\n<!-- end of table batch -->\n"
         (tmp_path / "page.md").write_text(page)
-        assert "place for the table of 'single'" in call("benchmark", "--quick", "--page", "page.md", fails=True)
+        assert "place for the table of 'c_flags'" in call("benchmark", "--quick", "--page", "page.md", fails=True)
         assert (tmp_path / "page.md").read_text() == page

@@ -40,7 +40,7 @@ class Case:
     def save(self, path: Path) -> None:
         """Write a file; one that is there already is replaced at once or not at all."""
         notes = {"format": FORMAT, "version": airhockey_env.__version__, **dataclasses.asdict(self)}
-        replace(path, lambda part: part.write_text(json.dumps(notes, indent=1) + "\n"))
+        replace(path, lambda part: part.write_text(json.dumps(notes, indent=1) + "\n", encoding="utf-8"))
 
     @classmethod
     def load(cls, path: Path) -> Case:
@@ -50,9 +50,8 @@ class Case:
             OSError: there is no such file.
             ValueError: the file does not hold a case; the message names it.
         """
-        text = path.read_text()
         try:
-            notes = json.loads(text)
+            notes = json.loads(path.read_text(encoding="utf-8"))
             if notes.pop("format") != FORMAT:
                 raise ValueError(f"it is not of format {FORMAT}")
             notes.pop("version")
