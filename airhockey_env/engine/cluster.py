@@ -75,8 +75,11 @@ def patience(restitution: float) -> float:
 def make_cluster(n: int, restitution: float, wall_restitution: float) -> Cluster:
     """Room for a table of n discs."""
     m = n * PAIRS
+    with_discs = patience(restitution)
+    # Pressed to an elastic wall by others, a disc loses at every other contact.
+    with_walls = min(patience(wall_restitution), 2.0 * with_discs)
     return Cluster(
-        patience=np.array([patience(restitution), patience(wall_restitution)]),
+        patience=np.array([with_discs, with_walls]),
         last=np.zeros(n),
         quick=np.zeros(n, np.int64),
         link=np.zeros(n, np.int64),
