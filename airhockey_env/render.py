@@ -166,7 +166,8 @@ class Renderer:
 
     Args:
         table: what to draw.
-        size: (width, height) of the pictures in px, each from 32 to 8192. None: 960 px wide and as high as fits the table.
+        size: (width, height) of the pictures in px, each from 32 to 8192. None: 960 px wide and as high as fits the
+            table.
 
     Raises:
         ValueError: `size` (called `render_size`, its name in the environments) is not two ints from 32 to 8192.

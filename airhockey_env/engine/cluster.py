@@ -25,8 +25,13 @@ from numpy.typing import NDArray
 from airhockey_env.compiled import compiled
 from airhockey_env.engine.impact import record, stop
 from airhockey_env.engine.tolerances import (
-    COLLAPSE_CONTACTS, COLLAPSE_SHARE, COLLAPSE_TIME, SKIN, TABLE_CONTACTS, TOUCH_SPEED,
-)  # fmt: skip
+    COLLAPSE_CONTACTS,
+    COLLAPSE_SHARE,
+    COLLAPSE_TIME,
+    SKIN,
+    TABLE_CONTACTS,
+    TOUCH_SPEED,
+)
 
 PAIRS = 8
 """Room for pairs that touch, per disc; in the plane there are hardly more than 3, and 2 walls."""
@@ -339,7 +344,9 @@ def _halt(cluster, discs, m):
 def settle(cluster, discs, m, rest, contacts, count, time):
     """Settle the m contacts that were gathered, with `rest` seconds left of the step. The new number of contacts.
 
-    Where there are no velocities with which nothing approaches, driven discs squeeze the cluster: they give way.
+    Where there are no velocities with which nothing approaches, driven discs squeeze the cluster: they give way. If
+    even that leaves none that can be found (speeds so high, or masses so different, that rounding is in the way), the
+    cluster moves on as one.
     """
     solved = _solve(cluster, discs, m, rest)
     if not solved:
