@@ -338,6 +338,8 @@ class AirTable:
         if size is None:
             return None
         length, width = _array("size", size, (2,), "(length, width) in m, or None")
+        if any(as_float(number) is None for number in size):
+            raise ValueError(f"size must be (length, width) in m, or None; got {shown(size)}")
         if not (0.0 < length < math.inf and 0.0 < width < math.inf):
             raise ValueError(f"size must be two finite lengths greater than 0, or None; got ({length}, {width})")
         if not max(length, width) <= GREATEST:
