@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -22,9 +21,6 @@ from scripts._command import run_command
 QUIET_TEXT: Color = (134, 149, 181)
 FINER = 3
 """Texts are drawn this many times as large as they are shown."""
-
-UNSEEN = ("offscreen", "dummy", "evdev")
-"""Drivers of SDL whose windows nobody can see."""
 
 NOTICES = {
     "start": ("First to {points}", "Move the mouse: your paddle is the left one", WHITE),
@@ -250,8 +246,7 @@ def play(args: PlayArgs) -> None:
         table = Table(match, name_of(args.opponent), size=args.size, fps=args.fps, sound=args.sound)
     except pygame.error as error:
         raise OSError(f"there is no screen to open a window on: {error}") from error
-    driver = pygame.display.get_driver()
-    if driver in UNSEEN and "SDL_VIDEODRIVER" not in os.environ:  # which SDL falls back on by itself
+    if (driver := table.window.fallen_back) is not None:
         table.close()
         raise OSError(f"there is no screen to open a window on: SDL found only its driver {driver!r}")
     table.run()
