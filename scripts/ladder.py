@@ -8,14 +8,14 @@ from typing import Annotated
 
 import tyro
 
-from agents.checks import check_output, check_ranges, check_table
+from agents.checks import TABLE_HELP, check_output, check_ranges, check_table
 from agents.files import write_json
 from agents.ladder import ANCHOR, ANCHOR_RATING, PRIOR, find_players, play_ladder, rate
 from agents.ladder_report import draw_ladder, print_ladder
 from agents.models import PLAYER_HELP, TRUST_HELP
 from scripts._command import run_command
 
-PLAYERS_HELP = f"Who plays besides the named opponents; with --only, who plays. {PLAYER_HELP}"
+PLAYERS_HELP = f"Who plays besides the named opponents or, with --only, without them: {PLAYER_HELP}"
 
 
 @dataclass(frozen=True)
@@ -32,8 +32,7 @@ class LadderArgs:
     """Leave out the named opponents that are not given."""
     points: int = 2000
     """Of each pair."""
-    table: str = "full_size"
-    """A table preset."""
+    table: Annotated[str, tyro.conf.arg(help=TABLE_HELP)] = "full_size"
     seed: int = 0
     """Of the serves."""
     trust: Annotated[bool, tyro.conf.arg(help=TRUST_HELP)] = False

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
-from agents.checks import check_ranges, check_table
+from agents.checks import TABLE_HELP, check_ranges, check_table
 from agents.live_match import START_PAUSE, LiveMatch
 from agents.models import PLAYER_HELP, TRUST_HELP, load_player, short_name
 from agents.sounds import Sounds
@@ -37,11 +37,10 @@ NOTICES = {
 class PlayArgs:
     """Play a match with the mouse, on the left: R restarts, Esc leaves."""
 
-    opponent: Annotated[str, tyro.conf.arg(help=PLAYER_HELP)] = "striker"
+    opponent: Annotated[str, tyro.conf.arg(help=f"Who plays against you: {PLAYER_HELP}")] = "striker"
     skill: float = 1.0
     """0 to 1: share of its paddle's speed that the opponent uses."""
-    table: str = "full_size"
-    """A table preset."""
+    table: Annotated[str, tyro.conf.arg(help=TABLE_HELP)] = "full_size"
     points: int = 7
     """Points that win the match."""
     fps: int = 60
