@@ -124,6 +124,8 @@ def read_hyperparameters(path: Path, env_id: str, trust: bool = False) -> Hyperp
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path} of hyperparameters")
     try:
+        if path.stat().st_size > 2**20:
+            raise ValueError("it has more than a megabyte")
         sections = yaml.safe_load(path.read_text())
     except (yaml.YAMLError, UnicodeDecodeError, ValueError, TypeError, RecursionError) as error:
         raise ValueError(f"{path} is not a YAML file: {error}") from error
@@ -132,6 +134,7 @@ def read_hyperparameters(path: Path, env_id: str, trust: bool = False) -> Hyperp
         raise ValueError(f"--env must have a section in {path}, got {env_id!r}; it has {has}")
     section = dict(sections[env_id])
     try:
+        _check_size(section)
         n_timesteps, n_envs = int(section.pop("n_timesteps")), int(section.pop("n_envs", 1))
         frame_stack, env_kwargs = section.pop("frame_stack", None), dict(section.pop("env_kwargs", {}))
         if isinstance(section.get("policy_kwargs"), str):
@@ -150,6 +153,17 @@ def read_hyperparameters(path: Path, env_id: str, trust: bool = False) -> Hyperp
     except Exception as error:  # whatever the Python in it does
         raise ValueError(f"{path}, section {env_id}, is not in RL-Zoo's format: {error!r}") from error
     return Hyperparameters(n_timesteps, n_envs, frame_stack, env_kwargs, section, sections[env_id])
+
+
+def _check_size(section: dict[str, Any]) -> None:
+    """Raises ValueError for a section whose aliases, YAML's `*name`, multiply it beyond all use, or hold itself."""
+    parts: list[Any] = [section]
+    for _ in range(10_000):
+        if not parts:
+            return
+        part = parts.pop()
+        parts += part.values() if isinstance(part, dict) else part if isinstance(part, list) else ()
+    raise ValueError("a section must have fewer than 10,000 values")
 
 
 def make_env(env_id: str, hyperparameters: Hyperparameters, num_envs: int | None = None) -> VecEnv:
