@@ -142,6 +142,8 @@ def read_section(path: Path, env_id: str) -> dict[str, Any]:
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path} of hyperparameters")
     try:
+        if path.stat().st_size > 2**20:
+            raise ValueError("it has more than a megabyte")
         sections = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (yaml.YAMLError, UnicodeDecodeError, ValueError, TypeError, RecursionError) as error:
         raise ValueError(f"{path} is not a YAML file: {error}") from error
@@ -177,6 +179,7 @@ def parse_section(section: dict[str, Any], where: str, trust: bool = False) -> H
     """
     whole, section = section, dict(section)
     try:
+        _check_size(section)
         n_timesteps, n_envs = int(section.pop("n_timesteps")), int(section.pop("n_envs", 1))
         frame_stack, env_kwargs = section.pop("frame_stack", None), dict(section.pop("env_kwargs", {}))
         if isinstance(section.get("policy_kwargs"), str):
@@ -195,6 +198,17 @@ def parse_section(section: dict[str, Any], where: str, trust: bool = False) -> H
     except Exception as error:  # whatever the Python in it does
         raise ValueError(f"{where}, is not in RL-Zoo's format: {error!r}") from error
     return Hyperparameters(n_timesteps, n_envs, frame_stack, env_kwargs, section, whole)
+
+
+def _check_size(section: dict[str, Any]) -> None:
+    """Raises ValueError for a section whose aliases, YAML's `*name`, multiply it beyond all use, or hold itself."""
+    parts: list[Any] = [section]
+    for _ in range(10_000):
+        if not parts:
+            return
+        part = parts.pop()
+        parts += part.values() if isinstance(part, dict) else part if isinstance(part, list) else ()
+    raise ValueError("a section must have fewer than 10,000 values")
 
 
 def make_env(env_id: str, hyperparameters: Hyperparameters, num_envs: int | None = None) -> VecEnv:

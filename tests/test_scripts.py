@@ -20,6 +20,7 @@ import pytest
 from agents.evaluation import OPPONENTS
 from agents.sb3_files import read_model
 from airhockey_env.policy import MlpPolicy
+from airhockey_env.tables import PRESETS
 from scripts.bench import options
 from scripts.bench.measure import Effort
 
@@ -118,6 +119,12 @@ def contents(run: Path) -> dict[str, bytes]:
 def test_help(script: str, call: Call) -> None:
     printed = call(script, "--help")
     assert f"python -m scripts.{script}" in printed
+
+
+@pytest.mark.parametrize("script", ["evaluate", "ladder", "play", "record_video", "scorecard"])
+def test_help_names_all_players_and_tables(script: str, call: Call) -> None:
+    words = [word.rstrip(".,:") for word in call(script, "--help").split()]
+    assert {*OPPONENTS, *PRESETS, "policy.npz", "model.zip", "--trust"} <= set(words)
 
 
 @pytest.mark.parametrize("script", SCRIPTS)
@@ -416,6 +423,8 @@ class TestRecordVideo:
         [
             (("nobody",), "MODEL must be one of"),
             (("idle", "--opponent", "nobody"), "--opponent must be one of"),
+            (("idle", "--task", "juggle"), "--task must be one of"),
+            (("idle", "--task", "hit", "--opponent", "goalie"), "--opponent does not go with --task hit"),
             (("idle", "--out", "video.avi"), "--out must end in one of"),
             (("idle", "--out", "none/video.gif"), "--out must lie in a folder that exists"),
             (("idle", "--seconds", "-1"), "--seconds must be from 0.1"),
