@@ -57,34 +57,35 @@ class AlgorithmArgs:
     """Train an agent with an algorithm of Stable-Baselines3. Everything goes into one folder, runs/NAME/."""
 
     algo: str = "ppo"
-    """"ppo", "sac" or "td3"."""
+    """The algorithm: "ppo", "sac" or "td3"."""
     env: str = "AirHockeyHit-v0"
-    """"AirHockeyHit-v0", "AirHockeyDefend-v0" or "AirHockey-v0"."""
+    """The environment: "AirHockeyHit-v0", "AirHockeyDefend-v0" or "AirHockey-v0"."""
     obs_type: str = "state"
-    """"state"; or "rgb" or "grayscale": pictures, for which only PPO has hyperparameters."""
+    """What the agent sees: "state", or pictures, "rgb" or "grayscale", for which only PPO has hyperparameters."""
     hyperparams: Path | None = None
-    """File in RL-Zoo's format, with a section for the environment.
-    Default: agents/hyperparams/ALGO.yml, for pictures ALGO_pixels.yml."""
+    """A file in RL-Zoo's format, with a section for the environment. The default is agents/hyperparams/ALGO.yml, for
+    pictures ALGO_pixels.yml."""
     trust: bool = False
     """Run `policy_kwargs` of --hyperparams as Python where it is more than plain values, as RL-Zoo does: only for files
     of people you trust."""
     name: str | None = None
-    """Name of the run's folder under runs/. Default: the algorithm and the time."""
+    """The name of the run's folder under runs/. The default is the algorithm and the time."""
     resume: str | None = None
     """Go on with this run (its folder, or its name under runs/), with its own arguments, to --steps in all."""
     steps: OptionalCount = None
-    """Environment steps in all. Default: what the file says, or with --resume what the run was to have."""
+    """Environment steps in all, as 100_000, 100k or 1e5. The default is what the file says, or with --resume what the
+    run was to have."""
     seed: int = 0
-    """Seed of the network, the actions and the tables."""
+    """The seed of the network, the exploration and the tables. Runs with other seeds share no random numbers."""
     evaluations: Count = 10
-    """Number of evaluations while training, each with a checkpoint; one before it begins and one at its end come on
+    """The number of evaluations while training, each with a checkpoint. One before training and one at its end come on
     top."""
     eval_episodes: Count = 200
-    """Episodes of an evaluation."""
+    """The number of episodes in an evaluation."""
     report_episodes: Count = 1000
-    """Episodes of the evaluation at the end."""
+    """The number of episodes in the evaluation at the end."""
     threads: int = 1
-    """Threads that PyTorch uses."""
+    """The number of threads that PyTorch uses."""
 
     @property
     def file(self) -> Path:
@@ -142,7 +143,9 @@ def read_section(path: Path, env_id: str) -> dict[str, Any]:
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path} of hyperparameters")
     try:
-        sections = yaml.safe_load(path.read_text())
+        if path.stat().st_size > 2**20:
+            raise ValueError("it has more than a megabyte")
+        sections = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (yaml.YAMLError, UnicodeDecodeError, ValueError, TypeError, RecursionError) as error:
         raise ValueError(f"{path} is not a YAML file: {error}") from error
     if not isinstance(sections, dict) or not isinstance(sections.get(env_id), dict):
@@ -177,6 +180,7 @@ def parse_section(section: dict[str, Any], where: str, trust: bool = False) -> H
     """
     whole, section = section, dict(section)
     try:
+        _check_size(section)
         n_timesteps, n_envs = int(section.pop("n_timesteps")), int(section.pop("n_envs", 1))
         frame_stack, env_kwargs = section.pop("frame_stack", None), dict(section.pop("env_kwargs", {}))
         if isinstance(section.get("policy_kwargs"), str):
@@ -195,6 +199,17 @@ def parse_section(section: dict[str, Any], where: str, trust: bool = False) -> H
     except Exception as error:  # whatever the Python in it does
         raise ValueError(f"{where}, is not in RL-Zoo's format: {error!r}") from error
     return Hyperparameters(n_timesteps, n_envs, frame_stack, env_kwargs, section, whole)
+
+
+def _check_size(section: dict[str, Any]) -> None:
+    """Raises ValueError for a section whose aliases, YAML's `*name`, multiply it beyond all use, or hold itself."""
+    parts: list[Any] = [section]
+    for _ in range(10_000):
+        if not parts:
+            return
+        part = parts.pop()
+        parts += part.values() if isinstance(part, dict) else part if isinstance(part, list) else ()
+    raise ValueError("a section must have fewer than 10,000 values")
 
 
 def make_env(env_id: str, hyperparameters: Hyperparameters, num_envs: int | None = None) -> VecEnv:

@@ -77,6 +77,9 @@ def make_folder(name: str, path: Path) -> None:
         raise OSError(f"--{name} must be a folder, or a new one in a folder that exists, got {path}") from error
 
 
+TABLE_HELP = f"The table: {', '.join(PRESETS)}."
+
+
 def check_table(table: str) -> TableSpec:
     """The preset that `--table` names.
 

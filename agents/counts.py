@@ -33,7 +33,7 @@ def read_count(text: str) -> int:
 
 _SPEC: Any = tyro.constructors.PrimitiveConstructorSpec(
     nargs=1,
-    metavar="INT|1e6|20k|3M",
+    metavar="INT|1e6",
     instance_from_str=lambda words: read_count(words[0]),
     is_instance=lambda value: value is None or type(value) is int,
     str_from_instance=lambda value: ["None" if value is None else f"{value:_}"],

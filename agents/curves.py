@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from agents.files import COUNT, TEXT, read_json
-from agents.plots import plain, save_figure
+from agents.plots import from_zero, plain, save_figure, steps_unit, time_unit, with_interval
 from agents.runs import EVALUATION, RunFolder
+from agents.tables import print_table
 
 COLORS = ("#2f6fdd", "#e5395b", "#1f9d72", "#b0721f", "#7a4fd0", "#3a4152")
 
@@ -33,26 +34,23 @@ def read_runs(names: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 def print_curves(runs: dict[str, dict[str, Any]]) -> None:
     """Print how every run did at each evaluation."""
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(title="Evaluations while training", padding=(0, 1), box=None)
-    names = ("run", "seed", "million steps", "minutes", "against", "wins", "losses", "draws", "of decided")
-    for name in names:
-        table.add_column(name, justify="left" if name in ("run", "against") else "right", no_wrap=True)
+    scale, label = steps_unit(max(row["steps"] for run in runs.values() for row in run["evaluations"]))
+    rows = [("run", "seed", label, "minutes", "against", "wins", "losses", "draws", "of decided")]
     for name, run in runs.items():
         for row in run["evaluations"]:
             share = row["decided_win_rate"]
-            table.add_row(
-                name,
-                str(run["seed"]),
-                f"{row['steps'] / 1e6:.1f}",
-                f"{row['seconds'] / 60:.1f}",
-                row["opponent"],
-                *(str(row[key]) for key in ("wins", "losses", "draws")),
-                "none" if share is None else f"{share:.1%}",
+            rows.append(
+                (
+                    name,
+                    str(run["seed"]),
+                    f"{row['steps'] / scale:.1f}",
+                    f"{row['seconds'] / 60:.1f}",
+                    row["opponent"],
+                    *(str(row[key]) for key in ("wins", "losses", "draws")),
+                    "none" if share is None else f"{share:.1%}",
+                )
             )
-    Console().print(table)
+    print_table("Evaluations while training", rows)
 
 
 def draw_curves(runs: dict[str, dict[str, Any]], path: Path) -> None:
@@ -63,9 +61,11 @@ def draw_curves(runs: dict[str, dict[str, Any]], path: Path) -> None:
     figure = Figure(figsize=(11, 4.2), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
     opponents = sorted({run["opponent"] for run in runs.values()})
+    second, times = time_unit(max(row["seconds"] for run in runs.values() for row in run["evaluations"]))
+    unit, steps = steps_unit(max(row["steps"] for run in runs.values() for row in run["evaluations"]))
     for axis, key, scale, label in (
-        (axes[0], "steps", 1e6, "million steps"),
-        (axes[1], "seconds", 60.0, "minutes of wall time"),
+        (axes[0], "steps", unit, steps),
+        (axes[1], "seconds", second, f"{times} of wall time"),
     ):
         for k, (name, run) in enumerate(runs.items()):
             color = COLORS[k % len(COLORS)]
@@ -73,12 +73,11 @@ def draw_curves(runs: dict[str, dict[str, Any]], path: Path) -> None:
             x = [row[key] / scale for row in rows]
             nan = float("nan")  # what JSON keeps as null
             won = [nan if row["decided_win_rate"] is None else row["decided_win_rate"] for row in rows]
-            low, high = zip(*(row["decided_win_rate_95"] for row in rows), strict=True)
-            axis.fill_between(x, low, high, color=color, alpha=0.12, linewidth=0)
-            axis.plot(x, won, color=color, marker=".", label=f"{name}, seed {run['seed']}")
+            intervals = [row["decided_win_rate_95"] for row in rows]
+            with_interval(axis, x, won, intervals, color, f"{name}, seed {run['seed']}")
             axis.plot(x, [row["draws"] / row["points"] for row in rows], color=color, linestyle=":", linewidth=1.2)
         axis.set(xlabel=label, ylim=(0, 1))
-        axis.set_xlim(left=0)
+        from_zero(axis, max(row[key] / scale for run in runs.values() for row in run["evaluations"]))
         axis.yaxis.set_major_formatter(PercentFormatter(1.0))
         axis.axhline(0.9, color="#c9ccd4", linewidth=1, zorder=0)
         plain(axis)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.models import Player, join, seated
+from agents.models import Player, Seat, join, seated
 from agents.seeding import table_seeds
 from airhockey_env.game import Game
 from airhockey_env.players import NAMES
@@ -31,6 +31,8 @@ CONTROL_HZ, MAX_EPISODE_STEPS = 50, 1500
 """Of the registered environment."""
 
 TABLES_AT_ONCE = 4096
+PICTURE_TABLES_AT_ONCE = 512
+"""Of players who see pictures: three stacked ones of a table take 64 kB, and are copied."""
 
 
 @dataclass(frozen=True)
@@ -116,6 +118,11 @@ def wilson_interval(successes: int, trials: int, z: float = 1.959963984540054) -
     return low, high
 
 
+def _at_once(*players: Any) -> int:
+    pictures = any(isinstance(player, Seat) and player.pictures for player in players)
+    return min(TABLES_AT_ONCE, PICTURE_TABLES_AT_ONCE) if pictures else TABLES_AT_ONCE
+
+
 def play_points(
     policy: Player,
     opponent: Player,
@@ -156,12 +163,12 @@ def play_points(
     if name is None:
         name = opponent if isinstance(opponent, str) else "a policy"
     policy, opponent = seated(policy), seated(opponent)
-    half = (points + 1) // 2
+    half, at_once = (points + 1) // 2, _at_once(policy, opponent)
     seeds = table_seeds(purpose, seed, 2 * half, TASKS["point"].number)
     wins = losses = draws = steps = 0
     with tqdm(total=2 * half, unit="point", desc=f"against {name}", delay=2.0, leave=False, disable=None) as bar:
-        for first in range(0, half, TABLES_AT_ONCE):
-            rows = range(first, min(half, first + TABLES_AT_ONCE))
+        for first in range(0, half, at_once):
+            rows = range(first, min(half, first + at_once))
             still = np.zeros((len(rows), 2), np.float32)
             for own, left, right in ((LEFT, policy, opponent), (RIGHT, opponent, policy)):
                 game = Game(
@@ -227,10 +234,11 @@ def play_task(
     player = seated(policy)
     named = player if isinstance(player, str) else None
     asked = None if isinstance(player, str) else player
+    at_once = _at_once(player)
     successes = failures = timeouts = steps = 0
     with tqdm(total=episodes, unit="episode", desc=task, delay=2.0, leave=False, disable=None) as bar:
-        for first in range(0, episodes, TABLES_AT_ONCE):
-            rows = range(first, min(episodes, first + TABLES_AT_ONCE))
+        for first in range(0, episodes, at_once):
+            rows = range(first, min(episodes, first + at_once))
             game = Game(
                 len(rows),
                 task=task,

@@ -44,7 +44,7 @@ def replace_together(writes: Mapping[Path, Callable[[Path], object]]) -> None:
 def write_json(path: Path, data: Any) -> None:
     """Write data as indented JSON. Numbers that JSON does not have (not a number, infinity) become null."""
     text = json.dumps(_finite(data), indent=2, allow_nan=False) + "\n"
-    replace(path, lambda part: part.write_text(text))
+    replace(path, lambda part: part.write_text(text, encoding="utf-8"))
 
 
 def _finite(data: Any) -> Any:
@@ -94,7 +94,7 @@ def read_json(path: Path, pattern: Any = None) -> Any:
     if size > MOST_BYTES:
         raise ValueError(f"{path} has {size:,} bytes, and may have {MOST_BYTES:,}")
     try:
-        data = json.loads(path.read_text(), object_pairs_hook=pairs_once, parse_constant=_no_number)
+        data = json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=pairs_once, parse_constant=_no_number)
     except (ValueError, RecursionError) as error:  # of the text or of its encoding
         raise ValueError(f"{path} is not a JSON file: {error}") from error
     if (wrong := mismatch(data, pattern)) is not None:

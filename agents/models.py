@@ -29,7 +29,7 @@ PLAYERS = f"{', '.join(NAMES)}, a run's folder, a policy.npz, a model.zip of Sta
 """Whom a command line may name."""
 
 PLAYER_HELP = (
-    f"Who plays: {PLAYERS}. A function takes float32 observations (N, 13) and returns actions (N, 2); its module is "
+    f"{PLAYERS}. A function takes float32 observations (N, 13) and returns actions (N, 2); its module is "
     "imported from the current folder."
 )
 
@@ -72,6 +72,11 @@ class Seat:
         self.seen: NDArray[Any] | None = None
         self._pixels = Pixels(player.obs_type) if player.obs_type in CHANNELS else None
         self._game: Game | None = None
+
+    @property
+    def pictures(self) -> bool:
+        """Whether the player sees pictures."""
+        return self._pixels is not None
 
     def join(self, game: Game) -> None:
         """Play in this game, on all of its tables."""

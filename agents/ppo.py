@@ -45,61 +45,62 @@ class TrainArgs:
     """Train an agent with PPO. Everything goes into one folder, runs/NAME/."""
 
     name: str | None = None
-    """Name of the run's folder under runs/. Default: ppo- and the time."""
+    """The name of the run's folder under runs/. The default is ppo- and the time."""
     resume: str | None = None
     """Go on with this run (its folder, or its name under runs/), with its own arguments, to --steps in all."""
     steps: OptionalCount = None
-    """Environment steps in all. Default: 20 million, or with --resume what the run was to have."""
+    """Environment steps in all, as 20_000_000, 20M or 2e7. The default is 20 million, or with --resume what the run was
+    to have."""
     seed: int = 0
-    """Of the network, the actions and the tables."""
+    """The seed of the network, the exploration and the tables. Runs with other seeds share no random numbers."""
     opponents: tuple[str, ...] = ("striker",)
-    """Whom to play against, on as many tables each; name one twice to meet it twice as often."""
+    """The opponents to play against, on as many tables each. Name one twice to meet it twice as often."""
     warmup_steps: OptionalCount = None
     """Steps of shooting practice (the task "hit") at first, at most. Without practice, agents learn to defend and to
-    wait, not to shoot. Default: half of --steps, but no more than 4 million."""
+    wait, not to shoot. The default is half of --steps, but no more than 4 million."""
     warmup_success: float = 0.8
-    """Practice is over as soon as this share of its last 500 episodes succeeds."""
+    """Practice ends as soon as this share of its last 500 episodes succeeds."""
     opponent: str = "striker"
-    """Whom evaluations while training are against."""
+    """The opponent in the evaluations while training."""
     reward: str = "shaped"
-    """"sparse" or "shaped"."""
+    """The reward to learn from: "sparse" (points alone) or "shaped"."""
     table: str = "full_size"
-    """A table preset."""
+    """The table preset to play on."""
     num_envs: Count = 512
-    """Tables."""
+    """The number of tables that are played at once."""
     n_steps: Count = 32
-    """Steps on each table between updates."""
+    """The number of steps on each table between updates."""
     batch_size: Count = 2048
-    """Samples of a gradient step."""
+    """The number of samples in a gradient step."""
     n_epochs: Count = 3
-    """Passes over the samples of an update."""
+    """The number of passes over the samples in an update."""
     learning_rate: float = 3.5e-4
-    """Of practice; after it, it falls linearly to a fiftieth."""
+    """The learning rate during practice. After that it falls linearly to a fiftieth."""
     gamma: float = 0.99
-    """Discount of a step."""
+    """The discount of a step."""
     gae_lambda: float = 0.95
-    """Of generalised advantage estimation."""
+    """Lambda of the generalised advantage estimation."""
     clip_range: float = 0.2
-    """Of PPO's surrogate objective."""
+    """The clip range of PPO's surrogate objective."""
     ent_coef: float = 0.0
-    """Weight of the entropy bonus."""
+    """The weight of the entropy bonus."""
     sde_sample_freq: Count = 8
-    """Steps that a random disturbance of the actions lasts (gSDE): one that is drawn anew in every step mostly cancels
-    itself before it moves a paddle anywhere. 0: drawn anew in every step, whatever the state."""
+    """The number of steps that a random disturbance of the actions lasts (gSDE). With 0 disturbances are independent in
+    every step; those mostly cancel each other before they move a paddle anywhere."""
     log_std_init: float = -2.5
-    """Logarithm of the disturbance at the start; the network makes it about ten times as large with gSDE."""
+    """The logarithm of the disturbance at the start. With gSDE the network makes it about ten times as large."""
     net_width: Count = 64
-    """Units in each of the two hidden layers, of policy and value network alike."""
+    """The number of units in each of the two hidden layers of the policy and of the value network."""
     eval_every: Count = 2_000_000
-    """Steps between evaluations, each with a checkpoint."""
+    """The number of steps between evaluations. Each comes with a checkpoint."""
     eval_points: Count = 400
-    """Points of an evaluation against the training opponent."""
+    """The number of points in an evaluation."""
     report_points: Count = 2000
-    """Points against each scripted opponent for the report at the end."""
+    """The number of points against each named opponent in the report at the end."""
     threads: int = 1
-    """Of torch. The network is small: a second thread gains nothing, and waits where other programs run."""
+    """The number of threads that PyTorch uses. The network is small: a second thread gains nothing."""
     video_seconds: float = 20.0
-    """Length of the video of the trained agent; 0 for none."""
+    """The length of the video of the trained agent, in seconds. 0 makes none."""
 
     default_steps = 20_000_000
     command = "train_ppo"
@@ -361,8 +362,8 @@ def _train(
     print(f"{folder.path}: {steps:,} steps in all: {plan}. Ctrl-C stops early and keeps everything.")
     if args.begins_with() is None and steps < ENOUGH_STEPS:
         print(
-            f"{steps:,} steps are too few to learn the game: of runs with fewer than {ENOUGH_STEPS:,}, hardly any wins "
-            "half of the points against the striker (docs/training.md)."
+            f"{steps:,} steps are few: with 2 million, an agent wins about half of the decided points against the "
+            "striker, and with 1 million hardly any (docs/training.md)."
         )
     bar = ProgressBar()
     others = [*callbacks, watch, bar, StopLearning(stop)]

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from agents.evaluation import Result, TaskResult, wilson_interval
-from agents.plots import plain, save_figure
+from agents.plots import from_zero, plain, save_figure, steps_unit, time_unit, with_interval
 from agents.tables import print_table
 
 
@@ -49,44 +50,50 @@ def draw_training(history: dict[str, Any], opponent: str, path: Path) -> None:
     figure = Figure(figsize=(11, 6.5), layout="constrained")
     axes = figure.subplots(2, 2)
 
-    minutes = [row["seconds"] / 60 for row in evaluations]
+    scale, unit = time_unit(max((row["seconds"] for row in evaluations), default=0.0))
+    times = [row["seconds"] / scale for row in evaluations]
     axis = axes[0, 0]
-    nan = float("nan")  # what JSON keeps as null
+    nan = math.nan  # what JSON keeps as null
     for key, label, color in (
         ("decided_win_rate", "of decided points", "#e5395b"),
         ("win_rate", "of all points", "#2f6fdd"),
     ):
-        axis.plot(
-            minutes,
-            [nan if row[key] is None else row[key] for row in evaluations],
-            color=color,
-            label=label,
-            marker=".",
-        )
-        low, high = zip(*(row[f"{key}_95"] for row in evaluations), strict=True) if evaluations else ((), ())
-        axis.fill_between(minutes, low, high, color=color, alpha=0.15, linewidth=0)
+        shares = [nan if row[key] is None else row[key] for row in evaluations]
+        with_interval(axis, times, shares, [row[f"{key}_95"] for row in evaluations], color, label)
     draws = [row["draws"] / row["points"] for row in evaluations]
-    axis.plot(minutes, draws, color="#8a8f9c", label="draws by time", linestyle="--", marker=".")
+    axis.plot(times, draws, color="#8a8f9c", label="draws by time", linestyle="--", marker=".")
     axis.axhline(0.5, color="#c9ccd4", linewidth=1, zorder=0)
-    axis.set(title=f"Wins against {opponent}, 95 % interval", xlabel="minutes", ylim=(0, 1))
-    axis.legend(frameon=False, loc="center right")
+    axis.set(title=f"Wins against {opponent}, 95 % interval", xlabel=unit, ylim=(0, 1))
+    from_zero(axis, max(times, default=0.0))
+    axis.legend(frameon=False, loc="best")
 
-    millions = [row["steps"] / 1e6 for row in updates]
+    most = max((row["steps"] for row in updates), default=0)
+    scale, steps = steps_unit(most)
+    done = [row["steps"] / scale for row in updates]
+    dot = "." if len(updates) < 20 else ""
     seconds = [(row.get("episode_length") or nan) / 50 for row in updates]
-    axes[0, 1].plot(millions, seconds, color="#2f6fdd")
-    axes[0, 1].set(title="Length of an episode in training, s", xlabel="million steps")
-    axes[1, 0].plot(
-        millions, [nan if row.get("entropy") is None else row["entropy"] for row in updates], color="#2f6fdd"
-    )
-    axes[1, 0].set(title="Entropy of the policy, nats", xlabel="million steps")
-    axes[1, 1].plot(millions, _speed(updates), color="#2f6fdd")
-    axes[1, 1].set(title="Training speed, thousand steps/s", xlabel="million steps")
-    axes[1, 1].set_ylim(bottom=0)
-    if history.get("practice"):
-        for axis in axes.flat[1:]:
+    entropies = [nan if row.get("entropy") is None else row["entropy"] for row in updates]
+    for axis, values, title in (
+        (axes[0, 1], seconds, "Length of an episode in training, s"),
+        (axes[1, 0], entropies, "Entropy of the policy, nats"),
+        (axes[1, 1], _speed(updates), "Training speed, thousand steps/s"),
+    ):
+        axis.plot(done, values, color="#2f6fdd", marker=dot)
+        axis.set(title=title, xlabel=steps)
+        from_zero(axis, most / scale)
+        axis.ticklabel_format(axis="y", useOffset=False)
+        if not any(math.isfinite(value) for value in values):
+            axis.set_yticks([])
+            axis.text(0.5, 0.5, "not measured yet", transform=axis.transAxes, ha="center", color="#8a8f9c")
+        elif axis is not axes[1, 0]:
+            axis.set_ylim(0.0, 1.1 * max(value for value in values if math.isfinite(value)))
+        else:
+            axis.margins(y=0.2)
+        if history.get("practice"):
             axis.axvline(
-                history["practice"] / 1e6, color="#8a8f9c", linewidth=1, linestyle=":", label="end of practice"
+                history["practice"] / scale, color="#8a8f9c", linewidth=1, linestyle=":", label="end of practice"
             )
+    if history.get("practice"):
         axes[0, 1].legend(frameon=False)
     for axis in axes.flat:
         plain(axis)

@@ -25,7 +25,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.save_util import recursive_getattr
-from stable_baselines3.common.torch_layers import NatureCNN
+from stable_baselines3.common.torch_layers import FlattenExtractor, NatureCNN
 from torch import nn
 
 from agents.features import RelativeFeatures, SmallCnn
@@ -126,6 +126,8 @@ def _weights(file: bytes) -> Any:
         raise ValueError("its tensors are not of the sizes that they are said to be")
     if any(tensor.numel() * tensor.element_size() > tensor.untyped_storage().nbytes() for tensor in tensors):
         raise ValueError("its tensors are larger than what they hold")
+    if not all(bool(torch.isfinite(tensor).all()) for tensor in tensors):
+        raise ValueError("its tensors hold what is no finite number")
     return loaded
 
 
@@ -167,6 +169,10 @@ def load_weights(model: BaseAlgorithm, path: Path) -> None:
         for name, count in counters.items():
             if type(count) is not int or not 0 <= count < 2**63:
                 raise ValueError(f"{name} must be a whole number from 0 up, got {count!r}")
+        for name in names:
+            own = recursive_getattr(model, name)
+            if isinstance(own, torch.optim.Optimizer):
+                _check_optimiser(own, saved.params[name])
         model.set_parameters(saved.params, exact_match=True, device=model.device)
         for name, value in saved.variables.items():
             own = recursive_getattr(model, name)
@@ -176,6 +182,28 @@ def load_weights(model: BaseAlgorithm, path: Path) -> None:
     except (ValueError, RuntimeError, KeyError, TypeError, AttributeError, IndexError) as error:
         raise ValueError(f"{path} does not hold a model as this one: {error}") from error
     model.__dict__.update(counters)
+
+
+def _check_optimiser(own: torch.optim.Optimizer, saved: Any) -> None:
+    """Whether a state fits an optimiser, which takes any and fails in its first step.
+
+    Raises:
+        ValueError: it does not.
+    """
+    state, groups = saved["state"], saved["param_groups"]
+    for group, mine in zip(groups, own.state_dict()["param_groups"], strict=True):
+        odd = [name for name, value in group.items() if name not in mine or _kind(value) != _kind(mine[name])]
+        if odd or group["params"] != mine["params"]:
+            raise ValueError(f"an optimiser's groups are other ones: {odd or 'params'}")
+    parameters = [parameter for group in own.param_groups for parameter in group["params"]]
+    for number, values in state.items():
+        shapes = ((), parameters[number].shape)
+        if not all(isinstance(value, torch.Tensor) and value.shape in shapes for value in values.values()):
+            raise ValueError(f"an optimiser's state of parameter {number} is not of the parameter's shape")
+
+
+def _kind(value: Any) -> type:
+    return float if type(value) is int else type(value)
 
 
 @dataclass(frozen=True)
@@ -311,18 +339,18 @@ def _features(
     weights: dict[str, torch.Tensor], shape: tuple[int, ...], kwargs: dict[str, Any]
 ) -> tuple[nn.Module, int]:
     """What comes before the layers, and its number of outputs."""
-    named = str(kwargs.get("features_extractor_class", ""))
+    named = kwargs.get("features_extractor_class")
     pictures = len(shape) == 3
     module: nn.Module
-    if not weights and (not named or "FlattenExtractor" in named):
+    if not weights and named in (None, str(FlattenExtractor)):
         module, width = nn.Flatten(), math.prod(shape)
-    elif "matrix" in weights and RelativeFeatures.__name__ in named and shape == (13,):
+    elif "matrix" in weights and named == str(RelativeFeatures) and shape == (13,):
         module = RelativeFeatures(spaces.Box(-1.0, 1.0, shape))
         width = module.features_dim
-    elif pictures and ("patches.weight" in weights and SmallCnn.__name__ in named):
+    elif pictures and ("patches.weight" in weights and named == str(SmallCnn)):
         width = len(weights["layers.4.bias"])
         module = SmallCnn(spaces.Box(0, 255, shape, np.uint8), width)
-    elif pictures and "cnn.0.weight" in weights and (not named or NatureCNN.__name__ in named):
+    elif pictures and "cnn.0.weight" in weights and named in (None, str(NatureCNN)):
         width = len(weights["linear.0.bias"])
         module = NatureCNN(spaces.Box(0, 255, shape, np.uint8), width)
     else:

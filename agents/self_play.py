@@ -18,24 +18,26 @@ class SelfPlayArgs(TrainArgs):
     start: str | None = None
     """Begin with the network of this run (its folder, or its name under runs/) in place of shooting practice."""
     steps: OptionalCount = None
-    """Environment steps in all. Default: 30 million, or with --resume what the run was to have."""
+    """Environment steps in all, as 30_000_000, 30M or 3e7. The default is 30 million, or with --resume what the run was
+    to have."""
     opponents: tuple[str, ...] = ("striker", "goalie", "idle")
-    """Scripted opponents in the league."""
+    """The scripted opponents in the league."""
     learning_rate: float = 4e-4
-    """At the start; falls linearly to a fiftieth of it."""
+    """The learning rate during practice. After that it falls linearly to a fiftieth."""
     sde_sample_freq: Count = 0
-    """As of the baseline; but here large disturbances that are drawn anew in every step make the better players."""
+    """The number of steps that a random disturbance of the actions lasts (gSDE). With 0 disturbances are independent in
+    every step; here large ones of that kind make the better players."""
     log_std_init: float = -1.2
-    """Logarithm of the disturbance at the start."""
+    """The logarithm of the disturbance at the start."""
     latest_share: float = 0.3
-    """Of episodes against the agent as it is now."""
+    """The share of episodes against the agent as it is now."""
     scripted_share: float = 0.25
-    """Of episodes against the scripted opponents. The others are against past selves; of both kinds, those who are hard
-    come more often."""
+    """The share of episodes against the scripted opponents. The others are against past selves. In both kinds, hard
+    opponents come more often."""
     snapshot_every: Count = 2_000_000
-    """Steps between the copies of the agent that join the league."""
+    """The number of steps between the copies of the agent that join the league."""
     most_past_selves: Count = 12
-    """Copies in the league; the weakest leaves when there are more."""
+    """The greatest number of copies in the league. The weakest leaves when there are more."""
 
     default_steps = 30_000_000
     command = "train_self_play"

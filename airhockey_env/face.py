@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from airhockey_env.game import Game
 from airhockey_env.tables import TableSpec
 from airhockey_env.threads import one_at_a_time
+from airhockey_env.window import human_window, import_pygame
 
 
 class Face:
@@ -31,6 +32,8 @@ class Face:
         allowed = tuple(self.metadata["render_modes"])
         if render_mode is not None and not (isinstance(render_mode, str) and render_mode in allowed):
             raise ValueError(f"render_mode must be None or one of {allowed}, got {render_mode!r}")
+        if render_mode == "human":
+            import_pygame()  # or say what is missing
         self._game = game
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": round(game.control_hz)}
@@ -93,10 +96,7 @@ class TableFace(Face):
         if self.render_mode == "rgb_array":
             return frame
         if self._window is None:
-            from airhockey_env.window import Window
-
-            height, width = frame.shape[:2]
-            self._window = Window((width, height), "Air hockey", self.metadata["render_fps"])
+            self._window = human_window((frame.shape[1], frame.shape[0]), self.metadata["render_fps"])
         self._window.show(frame)
         return None
 

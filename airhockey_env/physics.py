@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from airhockey_env.compiled import compiled, records
 from airhockey_env.engine.motion import glide_coefficients
 from airhockey_env.random_stream import draw_between
+from airhockey_env.real_numbers import as_float, shown
 from airhockey_env.records import LEFT, PHYSICS, PUCK, RIGHT, SHOT_CLOCK
 from airhockey_env.tables import TableSpec
 
@@ -93,17 +94,17 @@ def check_ranges(spec: TableSpec, randomize: Mapping[str, Any]) -> NDArray[np.fl
             be no table. The message names the field.
     """
     if not isinstance(randomize, Mapping):
-        raise ValueError(f"randomize must be a mapping from TableSpec fields to (low, high), got {randomize!r}")
+        raise ValueError(f"randomize must be a mapping from TableSpec fields to (low, high), got {shown(randomize)}")
     ranges = np.repeat(np.array(dataclasses.astuple(spec))[:, np.newaxis], 2, axis=1)
     for name, given in randomize.items():
         if name not in FIELDS:
-            raise ValueError(f"randomize may name {FIELDS}, got {name!r}")
+            raise ValueError(f"randomize may name {FIELDS}, got {shown(name)}")
         try:
-            low, high = (float(value) for value in given)
+            low, high = (as_float(value) for value in given)
         except (TypeError, ValueError) as error:
-            raise ValueError(f"randomize[{name!r}] must be (low, high), got {given!r}") from error
-        if not (math.isfinite(low) and math.isfinite(high) and low <= high):
-            raise ValueError(f"randomize[{name!r}] must be two finite numbers, low <= high, got {given!r}")
+            raise ValueError(f"randomize[{name!r}] must be (low, high), got {shown(given)}") from error
+        if low is None or high is None or not (math.isfinite(low) and math.isfinite(high) and low <= high):
+            raise ValueError(f"randomize[{name!r}] must be two finite numbers, low <= high, got {shown(given)}")
         ranges[FIELDS.index(name)] = low, high
     lowest, highest = (dict(zip(FIELDS, ranges[:, side].tolist(), strict=True)) for side in (0, 1))
     # The fields bind each other in one direction each: if the tightest tables are tables, all are.

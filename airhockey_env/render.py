@@ -13,13 +13,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from airhockey_env import raster
+from airhockey_env.real_numbers import as_float, shown
 from airhockey_env.tables import TableSpec
 
 Color = tuple[int, int, int]
 
 DEFAULT_WIDTH = 960
 """Width of a picture whose size is left to us, px."""
-SMALLEST = 32
+SMALLEST, LARGEST = 32, 8192
 """Smallest width and height of a picture, px."""
 
 # Colours, red, green, blue. LEFT and RIGHT belong to the players.
@@ -128,7 +129,10 @@ def _mix(start: Color, stop: Color, share: float) -> Color:
 
 def _pixel_size(value: Any) -> tuple[int, int]:
     """Return `render_size` as two ints, or raise the ValueError that `Renderer` documents."""
-    problem = f"render_size must be two ints (width, height), each at least {SMALLEST} px, got {value!r}"
+    problem = (
+        f"render_size must be two ints (width, height), each at most {LARGEST} and at least {SMALLEST} px, "
+        f"got {shown(value)}"
+    )
     try:
         width, height = value
         if isinstance(width, bool) or isinstance(height, bool):
@@ -136,14 +140,14 @@ def _pixel_size(value: Any) -> tuple[int, int]:
         width, height = operator.index(width), operator.index(height)
     except (TypeError, ValueError):
         raise ValueError(problem) from None
-    if min(width, height) < SMALLEST:
+    if min(width, height) < SMALLEST or max(width, height) > LARGEST:
         raise ValueError(problem)
     return width, height
 
 
 def _points(value: Any) -> tuple[int, int]:
     """Return a score as two ints, or raise the ValueError that `Renderer.draw` documents."""
-    problem = f"score must be two ints from 0 (left, right), got {value!r}"
+    problem = f"score must be two ints from 0 (left, right), got {shown(value)}"
     try:
         left, right = value
         left, right = operator.index(left), operator.index(right)
@@ -162,10 +166,11 @@ class Renderer:
 
     Args:
         table: what to draw.
-        size: (width, height) of the pictures in px, each at least 32. None: 960 px wide and as high as fits the table.
+        size: (width, height) of the pictures in px, each from 32 to 8192. None: 960 px wide and as high as fits the
+            table.
 
     Raises:
-        ValueError: `size` (called `render_size`, its name in the environments) is not two ints of at least 32.
+        ValueError: `size` (called `render_size`, its name in the environments) is not two ints from 32 to 8192.
     """
 
     size: tuple[int, int]
@@ -199,11 +204,16 @@ class Renderer:
         Raises:
             ValueError: an argument is not as described; the message names it and what was given.
         """
-        places = np.asarray(positions, dtype=np.float64)
+        problem = f"positions must be finite and of shape (3, 2), got {shown(positions)}"
+        try:
+            places = np.asarray(positions, dtype=np.float64)
+        except (OverflowError, TypeError, ValueError) as error:
+            raise ValueError(problem) from error
         if places.shape != (3, 2) or not np.isfinite(places).all():
-            raise ValueError(f"positions must be finite and of shape (3, 2), got {positions!r}")
-        if not -1.0 <= clock <= 1.0:
-            raise ValueError(f"clock must be from -1 to 1, got {clock!r}")
+            raise ValueError(problem)
+        used = as_float(clock)
+        if used is None or not -1.0 <= used <= 1.0:
+            raise ValueError(f"clock must be from -1 to 1, got {shown(clock)}")
         points = _points(score)
         # The score changes rarely: it is part of the cached picture.
         if self._scored is None or points != self._board:

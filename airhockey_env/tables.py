@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from numbers import Real
 from typing import Any
+
+from airhockey_env.real_numbers import as_float, shown
+
+LEAST, MOST = 1e-6, 1e6
+"""Range of sizes, masses, speeds and accelerations in SI units; of losses `MOST` is the greatest. Far beyond any table,
+and nothing that is worked out from such numbers is too great or too small for a float."""
 
 
 @dataclass(frozen=True)
@@ -63,12 +67,16 @@ class TableSpec:
                      "paddle_speed", "paddle_acceleration", "puck_speed"):  # fmt: skip
             if getattr(self, name) <= 0.0:
                 raise ValueError(f"{name} must be greater than 0, got {getattr(self, name)}")
+            if not LEAST <= getattr(self, name) <= MOST:
+                raise ValueError(f"{name} must be from {LEAST} to {MOST}, got {getattr(self, name)}")
         for name in ("wall_restitution", "wall_tangential", "paddle_restitution"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ValueError(f"{name} must be from 0 to 1, got {getattr(self, name)}")
         for name in ("drag_constant", "drag_linear", "drag_quadratic"):
             if getattr(self, name) < 0.0:
                 raise ValueError(f"{name} must be 0 or more, got {getattr(self, name)}")
+            if getattr(self, name) > MOST:
+                raise ValueError(f"{name} must be at most {MOST}, got {getattr(self, name)}")
         if not 2.0 * self.puck_radius < self.goal_width:
             raise ValueError(
                 f"goal_width must be greater than 2 * puck_radius ({2.0 * self.puck_radius}), got {self.goal_width}"
@@ -97,12 +105,10 @@ class TableSpec:
 
 
 def _finite(name: str, value: Any) -> float:
-    if isinstance(value, Real) and not isinstance(value, bool):
-        with contextlib.suppress(OverflowError):  # a whole number too great for a float
-            number = float(value)
-            if math.isfinite(number):
-                return number
-    raise ValueError(f"{name} must be a finite number, got {value!r}")
+    number = as_float(value)
+    if number is None or not math.isfinite(number):
+        raise ValueError(f"{name} must be a finite number, got {shown(value)}")
+    return number
 
 
 FULL_SIZE = TableSpec(
@@ -181,4 +187,6 @@ def resolve_table(table: str | TableSpec | Mapping[str, float]) -> TableSpec:
         if wrong:
             raise ValueError(f"table must be a mapping of the fields of a TableSpec, got one in which {wrong[0]}")
         return TableSpec(**table)
-    raise ValueError(f"table must be one of {sorted(PRESETS)}, a TableSpec or a mapping of its fields, got {table!r}")
+    raise ValueError(
+        f"table must be one of {sorted(PRESETS)}, a TableSpec or a mapping of its fields, got {shown(table)}"
+    )

@@ -84,7 +84,7 @@ def one_at_a_time(method: Method) -> Method:
 
 
 def _cores() -> int:
-    """How many processor cores this process may use."""
+    """How many processor cores this process may use: taskset, Slurm and containers may leave it few of many."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

@@ -40,7 +40,8 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
         max_episode_steps: steps after which an episode is truncated; None: those of the task's id; -1: no limit.
         autoreset_mode: `NEXT_STEP` (the default), `SAME_STEP` or `DISABLED`, as a `gymnasium.vector.AutoresetMode` or
             its value. With `DISABLED`, reset the tables that are done by `reset(options={"reset_mask": mask})`.
-        num_threads: threads that share a large batch; None takes all cores. The results do not depend on it.
+        num_threads: threads that share a large batch; None takes all cores that the process may use. The
+            results do not depend on it.
         render_mode: None; `"rgb_array"`, with which `render()` returns a tuple of pictures, one for each table; or
             `"rgb_array_list"`, with which it returns a tuple of lists, the pictures of each table's episode since the
             last call, as with Gymnasium's `RenderCollection`.

@@ -10,7 +10,11 @@ from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
-from gymnasium.error import DependencyNotInstalled
+from gymnasium import logger
+from gymnasium.error import DependencyNotInstalled, Error
+
+UNSEEN = ("offscreen", "dummy", "evdev")
+"""Drivers of SDL whose windows nobody can see."""
 
 
 def import_pygame() -> Any:
@@ -53,6 +57,7 @@ class Window:
         # Only the display: pygame.init() would take hold of the sound card and joysticks as well.
         self._pygame.display.init()
         self._screen = self._pygame.display.set_mode(self._size)
+        self._driver = self._pygame.display.get_driver()
         self._pygame.display.set_caption(title)
         self._clock = self._pygame.time.Clock()
         self._pressed: deque[str] = deque(maxlen=16)  # bounded: nobody may ever ask
@@ -63,6 +68,12 @@ class Window:
     def closed(self) -> bool:
         """Whether the window is gone: closed by its user, by `close`, or by a later window."""
         return Window._shown is not self
+
+    @property
+    def fallen_back(self) -> str | None:
+        """The driver whose windows nobody can see, if SDL has found no other; None if somebody has chosen it."""
+        chosen = {"SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER"} & os.environ.keys()
+        return self._driver if self._driver in UNSEEN and not chosen else None
 
     @property
     def pointer(self) -> tuple[int, int] | None:
@@ -142,3 +153,22 @@ class Window:
         if not self.closed:
             self._pygame.display.quit()
             Window._shown = None
+
+
+def human_window(size: tuple[int, int], fps: float) -> Window:
+    """The window of `render_mode="human"`. A warning is given if nobody can see it.
+
+    Raises:
+        gymnasium.error.Error: no window can be opened.
+    """
+    instead = "render_mode='rgb_array' draws without a screen"
+    try:
+        window = Window(size, "Air hockey", fps)
+    except import_pygame().error as error:
+        raise Error(f"render_mode='human' needs a screen to open a window on ({error}); {instead}") from error
+    if window.fallen_back is not None:
+        logger.warn(
+            f"render_mode='human' shows nothing: there is no screen, and SDL has fallen back on its driver "
+            f"{window.fallen_back!r}; {instead}. Set SDL_VIDEODRIVER={window.fallen_back} if that is what you want"
+        )
+    return window

@@ -98,6 +98,6 @@ def fused(path: Path) -> list[str] | None:
     for tool in filter(None, map(shutil.which, DISASSEMBLERS)):
         read: list[str | Path] = [tool, "-d", "--no-show-raw-insn", path]
         done = subprocess.run(read, capture_output=True, encoding="utf-8", errors="replace")
-        if done.returncode == 0 and "step_rows" in done.stdout:  # else it does not know the processor
+        if done.returncode == 0 and "Disassembly" in done.stdout:  # else it does not know the processor
             return _FUSED.findall(done.stdout)
     return None

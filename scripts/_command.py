@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import sys
 from collections.abc import Callable
 from typing import TypeVar
@@ -29,6 +30,9 @@ def run_command(
     Whatever a user can set right (a wrong argument, a file that is missing or damaged, a full disk) ends the process
     with one line and exit code 1; Ctrl-C ends it with 130.
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal that has no µ gets a ?
     prog = f"python -m scripts.{name}"
     args = tyro.cli(arguments, prog=prog)
     try:

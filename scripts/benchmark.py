@@ -69,7 +69,7 @@ def check(args: BenchmarkArgs) -> None:
     if args.page is not None:
         if not args.page.is_file():
             raise FileNotFoundError(f"--page must be a page that exists, got {args.page}")
-        text = args.page.read_text()
+        text = args.page.read_text(encoding="utf-8")
         for name in args.parts:
             page.check(text, name)
     if args.plot is not None:
@@ -104,7 +104,7 @@ def benchmark(args: BenchmarkArgs) -> dict[str, Any]:
         if args.json is not None:
             write_json(args.json, results)
         if args.page is not None:
-            page.write(args.page, page.insert(args.page.read_text(), name, cells))
+            page.write(args.page, page.insert(args.page.read_text(encoding="utf-8"), name, cells))
     if args.plot is not None:
         from scripts.bench.plot import draw
 

@@ -18,7 +18,7 @@ class CurvesArgs:
     """Print and draw the learning curves of training runs."""
 
     runs: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN [RUN ...]")]
-    """Runs' folders, or their names under runs/."""
+    """The runs' folders, or their names under runs/."""
     plot: Path | None = None
     """Draw them into this .png file."""
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from agents.checks import check_output, check_ranges, check_table
+from agents.checks import TABLE_HELP, check_output, check_ranges, check_table
 from agents.counts import Count
 from agents.evaluation import OPPONENTS, SOLO_TASKS, play_points, play_task
 from agents.files import write_json
@@ -16,22 +16,22 @@ from agents.models import PLAYER_HELP, TRUST_HELP, load_player, short_name
 from agents.report import print_results, print_task_result
 from scripts._command import run_command
 
+TASK_HELP = f"What is played: point, or {' or '.join(SOLO_TASKS)}, which have no opponent."
+
 
 @dataclass(frozen=True)
 class EvaluateArgs:
     """Let a model play points against others, half of them on each side of the table; or a task."""
 
-    model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL", help=PLAYER_HELP)]
-    task: str = "point"
-    """"point"; or "hit" or "defend", which have no opponent."""
+    model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL", help=f"Who plays: {PLAYER_HELP}")]
+    task: Annotated[str, tyro.conf.arg(help=TASK_HELP)] = "point"
     opponent: str = "all"
     """A player as above, or "all" for every named opponent."""
     episodes: Count = 2000
     """Points against each; or episodes of the task."""
     opponent_skill: float = 1.0
     """0 to 1."""
-    table: str = "full_size"
-    """A table preset."""
+    table: Annotated[str, tyro.conf.arg(help=TABLE_HELP)] = "full_size"
     seed: int = 0
     """Of the serves."""
     trust: Annotated[bool, tyro.conf.arg(help=TRUST_HELP)] = False

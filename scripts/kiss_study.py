@@ -55,7 +55,7 @@ def kiss_study(args: KissStudyArgs) -> None:
     make_folder("out", args.out)
     check_output("json", args.json)
     own_page = args.out / PAGE
-    text = (own_page if own_page.exists() else ROOT / "docs" / PAGE).read_text()
+    text = (own_page if own_page.exists() else ROOT / "docs" / PAGE).read_text(encoding="utf-8")
     results: dict[str, Any] = {
         "airhockey_env": airhockey_env.__version__,
         "python": platform.python_version(),

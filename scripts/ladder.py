@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from agents.checks import check_output, check_ranges, check_table
+from agents.checks import TABLE_HELP, check_output, check_ranges, check_table
 from agents.counts import Count
 from agents.files import write_json
 from agents.ladder import ANCHOR, ANCHOR_RATING, PRIOR, find_players, play_ladder, rate
@@ -16,7 +16,7 @@ from agents.ladder_report import draw_ladder, print_ladder
 from agents.models import PLAYER_HELP, TRUST_HELP
 from scripts._command import run_command
 
-PLAYERS_HELP = f"Who plays besides the named opponents; with --only, who plays. {PLAYER_HELP}"
+PLAYERS_HELP = f"Who plays besides the named opponents or, with --only, without them: {PLAYER_HELP}"
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,7 @@ class LadderArgs:
     """Leave out the named opponents that are not given."""
     points: Count = 2000
     """Of each pair."""
-    table: str = "full_size"
-    """A table preset."""
+    table: Annotated[str, tyro.conf.arg(help=TABLE_HELP)] = "full_size"
     seed: int = 0
     """Of the serves."""
     trust: Annotated[bool, tyro.conf.arg(help=TRUST_HELP)] = False

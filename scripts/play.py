@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -10,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
-from agents.checks import check_ranges, check_table
+from agents.checks import TABLE_HELP, check_ranges, check_table
 from agents.counts import Count
 from agents.live_match import START_PAUSE, LiveMatch
 from agents.models import PLAYER_HELP, TRUST_HELP, load_player, short_name
@@ -23,9 +22,6 @@ from scripts._command import run_command
 QUIET_TEXT: Color = (134, 149, 181)
 FINER = 3
 """Texts are drawn this many times as large as they are shown."""
-
-UNSEEN = ("offscreen", "dummy", "evdev")
-"""Drivers of SDL whose windows nobody can see."""
 
 NOTICES = {
     "start": ("First to {points}", "Move the mouse: your paddle is the left one", WHITE),
@@ -42,11 +38,10 @@ NOTICES = {
 class PlayArgs:
     """Play a match with the mouse, on the left: R restarts, Esc leaves."""
 
-    opponent: Annotated[str, tyro.conf.arg(help=PLAYER_HELP)] = "striker"
+    opponent: Annotated[str, tyro.conf.arg(help=f"Who plays against you: {PLAYER_HELP}")] = "striker"
     skill: float = 1.0
     """0 to 1: share of its paddle's speed that the opponent uses."""
-    table: str = "full_size"
-    """A table preset."""
+    table: Annotated[str, tyro.conf.arg(help=TABLE_HELP)] = "full_size"
     points: Count = 7
     """Points that win the match."""
     fps: int = 60
@@ -251,8 +246,7 @@ def play(args: PlayArgs) -> None:
         table = Table(match, name_of(args.opponent), size=args.size, fps=args.fps, sound=args.sound)
     except pygame.error as error:
         raise OSError(f"there is no screen to open a window on: {error}") from error
-    driver = pygame.display.get_driver()
-    if driver in UNSEEN and "SDL_VIDEODRIVER" not in os.environ:  # which SDL falls back on by itself
+    if (driver := table.window.fallen_back) is not None:
         table.close()
         raise OSError(f"there is no screen to open a window on: SDL found only its driver {driver!r}")
     table.run()

@@ -14,7 +14,7 @@ import tyro
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from agents.checks import check_ranges, check_table, not_default
+from agents.checks import TABLE_HELP, check_ranges, check_table, not_default
 from agents.evaluation import SOLO_TASKS
 from agents.models import PLAYER_HELP, TRUST_HELP, load_player
 from agents.video import SUFFIXES, frames_of_play, write_video
@@ -22,7 +22,13 @@ from airhockey_env.replay import Replay, is_replay, play_back_frames
 from airhockey_env.tasks import TASKS
 from scripts._command import run_command
 
-MODEL_HELP = f"The left player, or a replay's file, which has both players, the table and the seed in it. {PLAYER_HELP}"
+TASK_HELP = (
+    f"What is played: {', '.join(task for task in TASKS if task not in SOLO_TASKS)}, or {' or '.join(SOLO_TASKS)}, "
+    "which have no opponent."
+)
+MODEL_HELP = (
+    f"The file of a replay, which has both players, the table and the seed in it; or the left player: {PLAYER_HELP}"
+)
 
 
 @dataclass(frozen=True)
@@ -31,9 +37,8 @@ class RecordArgs:
 
     model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL", help=MODEL_HELP)]
     opponent: str | None = None
-    """The right player, named as the left one; by default the striker, and nobody who plays in a task for one."""
-    task: str = "match"
-    """"match" (first to 7 points), "point", or "hit" or "defend", which have no opponent."""
+    """The right player, named as the left one. By default the striker; a task without an opponent takes none."""
+    task: Annotated[str, tyro.conf.arg(help=TASK_HELP)] = "match"
     out: Path = Path("video.mp4")
     """File to write: .mp4 or .gif."""
     seconds: float | None = None
@@ -44,8 +49,7 @@ class RecordArgs:
     """px."""
     height: int = 344
     """px."""
-    table: str = "full_size"
-    """A table preset."""
+    table: Annotated[str, tyro.conf.arg(help=TABLE_HELP)] = "full_size"
     seed: int = 0
     """Of the serves."""
     trust: Annotated[bool, tyro.conf.arg(help=TRUST_HELP)] = False

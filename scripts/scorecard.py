@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from agents.checks import check_output, check_ranges, check_table
+from agents.checks import TABLE_HELP, check_output, check_ranges, check_table
 from agents.counts import Count
 from agents.files import write_json
 from agents.models import PLAYER_HELP, TRUST_HELP, load_player, short_name
@@ -24,15 +24,14 @@ class ScorecardArgs:
     It plays points against an opponent, half of them on each side of the table, and the tasks hit and defend.
     """
 
-    model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL", help=PLAYER_HELP)]
+    model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL", help=f"Who plays: {PLAYER_HELP}")]
     opponent: str = "striker"
     """A player as above."""
     points: Count = 2000
     """Against the opponent."""
     episodes: Count = 4000
     """Of each task."""
-    table: str = "full_size"
-    """A table preset."""
+    table: Annotated[str, tyro.conf.arg(help=TABLE_HELP)] = "full_size"
     seed: int = 0
     """Of the serves and tasks."""
     trust: Annotated[bool, tyro.conf.arg(help=TRUST_HELP)] = False

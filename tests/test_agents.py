@@ -4,22 +4,32 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from collections import deque
+from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
+import tyro
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import airhockey_env  # noqa: F401  registers
 from agents import evaluation
 from agents.checks import check_ranges
+from agents.counts import read_count
+from agents.curves import print_curves
 from agents.evaluation import Result, TaskResult, play_points, play_task, wilson_interval
 from agents.features import relative_features
 from agents.files import read_json, write_json
+from agents.learning import ProgressBar
 from agents.models import export_policy, load_player
+from agents.plots import from_zero, steps_unit, time_unit, with_interval
 from agents.ppo import Falling, Practice, TrainArgs, make_env, make_model
 from agents.report import draw_training, print_results
 from agents.seeding import table_seeds
@@ -413,6 +423,46 @@ class TestReport:
             assert (tmp_path / "training.png").read_bytes().startswith(b"\x89PNG")
 
 
+class TestAxes:
+    def test_one_point_is_not_blown_up(self) -> None:
+        """Regression: the axis of a run with one evaluation went from 0.104 to 0.114 minutes."""
+        axis = Figure().subplots()
+        with_interval(axis, [0.109], [0.5], [(0.2, 0.8)], "red", "one")
+        from_zero(axis, 0.109)
+        assert axis.get_xlim() == pytest.approx((0.0, 1.05 * 0.109))
+        (lines,) = [part for part in axis.collections if isinstance(part, LineCollection)]
+        np.testing.assert_allclose(lines.get_segments(), [[(0.109, 0.2), (0.109, 0.8)]])
+
+    @pytest.mark.parametrize(
+        ("most", "scale", "label"),
+        [(0, 1, "steps"), (999, 1, "steps"), (1000, 1e3, "thousand steps"), (2e6, 1e6, "million steps")],
+    )  # fmt: skip
+    def test_units(self, most: float, scale: float, label: str) -> None:
+        assert steps_unit(most) == (scale, label)
+        assert [time_unit(seconds)[1] for seconds in (0.0, 119.0, 120.0)] == ["seconds", "seconds", "minutes"]
+
+    def test_curves_fit_80_columns(self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("COLUMNS", "80")
+        rows = [{"steps": 20_004_864, "seconds": 6123.4, **Result("expert", 10_000, 10_000, 10_000, 5.0).as_dict()}]
+        print_curves({f"run-with-a-name-{k}": {"seed": 12345, "evaluations": rows} for k in range(2)})
+        printed = capsys.readouterr().out
+        assert all(len(line) <= 80 for line in printed.splitlines())
+        for word in ("run-with-a-name-1", "million", "minutes", "decided", "20.0", "102.1", "10000", "50.0%"):
+            assert word in printed
+
+
+def test_the_progress_bar_ends_at_100_percent(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Regression: Stable-Baselines3 rounds up to whole rollouts, and the bar went on."""
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    bar = ProgressBar()
+    model = make_model(SMALL, make_env(SMALL))
+    model.learn(18, callback=bar)
+    assert model.num_timesteps == 32
+    assert (bar.bar.n, bar.bar.total) == (18, 18)
+    model.learn(4, callback=bar, reset_num_timesteps=False)
+    assert (bar.bar.n, bar.bar.total) == (36, 36)
+
+
 @pytest.mark.parametrize(
     ("steps", "successes", "episodes", "goes_on"),
     [(99, 0, 10, True), (100, 0, 10, False), (99, 8, 10, False), (99, 7, 10, True), (99, 9, 9, True)],
@@ -424,6 +474,46 @@ def test_practice_ends_by_steps_or_by_success(steps: int, successes: int, episod
     practice.init_callback(model)
     model.num_timesteps = steps
     assert practice.on_step() == goes_on != practice.over
+
+
+@pytest.mark.parametrize(
+    ("text", "count"),
+    [("0", 0), ("1000000", 10**6), ("1_000_000", 10**6), ("1e6", 10**6), ("1E6", 10**6), ("1M", 10**6), ("20k", 20_000),
+     ("1.5M", 1_500_000), ("2.5e3", 2500), ("-3", -3), ("1e18", 10**18), ("1B", 10**9), (" 7 ", 7)],
+)  # fmt: skip
+def test_counts(text: str, count: int) -> None:
+    assert read_count(text) == count
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "many", "1.5", "1e-1", "1e19", "1e999", "inf", "nan", "k", "1kk", "1_", "0x10", "1 000", "1.0001k"],
+)
+def test_what_is_no_count(text: str) -> None:
+    with pytest.raises(ValueError, match="must be"):
+        read_count(text)
+
+
+@pytest.mark.parametrize(
+    ("script", "option"),
+    [("train_ppo", "--steps"), ("train_ppo", "--eval-points"), ("train_self_play", "--snapshot-every"),
+     ("train", "--report-episodes"), ("evaluate", "--episodes"), ("ladder", "--points"), ("scorecard", "--episodes"),
+     ("play", "--points"), ("torture", "--steps"), ("benchmark", "--rounds")],
+)  # fmt: skip
+def test_commands_take_counts(
+    script: str, option: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    module = import_module(f"scripts.{script}")
+    got: list[Any] = []
+    monkeypatch.setattr(module, "run_command", lambda name, kind, *_: got.append(tyro.cli(kind)))
+    model = ["idle"] if script in ("evaluate", "scorecard") else []
+    monkeypatch.setattr(sys, "argv", [script, *model, option, "1.2k"])
+    module.main()
+    assert getattr(got[0], option[2:].replace("-", "_")) == 1200
+    monkeypatch.setattr(sys, "argv", [script, *model, option, "1.5"])
+    with pytest.raises(SystemExit):
+        module.main()
+    assert option in capsys.readouterr().err
 
 
 def test_ranges_name_the_option() -> None:

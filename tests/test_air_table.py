@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import copy
+import doctest
 import math
 import pickle
+from fractions import Fraction
 
 import numpy as np
 import pytest
 
+from airhockey_env import air_table
 from airhockey_env.air_table import AirTable
 from airhockey_env.compiled import records
 from airhockey_env.engine.discrete import advance_discrete
@@ -117,7 +120,7 @@ def test_a_live_array_gone_bad_is_caught_by_the_next_step(method, name, value):
     table = AirTable(**GOOD, method=method)
     getattr(table, name)[1, 0] = value
     before = snapshot(table)
-    with pytest.raises(ValueError, match=f"^{name} must be finite, got"):
+    with pytest.raises(ValueError, match=rf"^{name} must be finite, got"):
         table.step(0.1)
     assert snapshot(table) == before
 
@@ -253,7 +256,97 @@ def test_a_copy_goes_on_to_the_bit_and_on_its_own(method, copied):
     assert (other.size, other.method) == (table.size, table.method)
 
 
-def test_the_example_of_the_docstring():
-    table = AirTable([[-0.5, 0.0], [0.0, 0.03]], [[2.0, 0.0], [0.0, 0.0]], radii=0.05)
-    contacts = table.step(0.5)
-    assert (len(contacts), contacts["a"][0], contacts["b"][0]) == (1, 0, 1)
+def test_the_examples_of_the_docstring():
+    outcome = doctest.testmod(air_table)
+    assert outcome.attempted >= 6
+    assert outcome.failed == 0
+
+
+HUGE = 10**5000
+ODD = [
+    HUGE, -HUGE, Fraction(10**400), np.longdouble("1e4000") if np.finfo(np.longdouble).maxexp > 2000 else INF, "0.5",
+    b"1", 1j, np.complex128(0.5), True, np.True_, np.timedelta64(1, "s"), np.datetime64("2020-01-01"), {}, [], [[]],
+    np.array(["0.5"]), [None, 0.5], np.array([HUGE, 1], dtype=object), np.zeros((2, 2, 2)), -1e308, NAN,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["positions", "velocities", "radii", "masses", "restitution", "wall_restitution"])
+@pytest.mark.parametrize("value", ODD, ids=lambda value: type(value).__name__)
+def test_odd_numbers_are_named(name, value):
+    among_others = name in ("positions", "velocities") and not isinstance(value, (bool, np.bool_))
+    for given in (value, [[value, 0.0], [0.5, 0.0]]) if among_others else (value,):  # NumPy takes True for 1.0 there
+        if name == "masses" and isinstance(value, float) and value == INF:
+            continue
+        with pytest.raises(ValueError, match=rf"^{name} "):
+            AirTable(**GOOD | {name: given})
+
+
+@pytest.mark.parametrize("value", ODD, ids=lambda value: type(value).__name__)
+def test_odd_steps_and_sizes_are_named_and_change_nothing(value):
+    table = AirTable(**GOOD)
+    before = snapshot(table)
+    with pytest.raises(ValueError, match=r"^dt "):
+        table.step(value)
+    for name in ("positions", "velocities"):
+        with pytest.raises(ValueError, match=rf"^{name} "):
+            setattr(table, name, value)
+    assert snapshot(table) == before
+    with pytest.raises(ValueError, match=r"^size "):
+        AirTable(**GOOD, size=(value, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("positions", [[-1e51, 0.0], [0.5, 0.0]]),
+        ("velocities", [[1e160, 0.0], [0.0, 0.0]]),
+        ("radii", [0.05, 1e-51]),
+        ("radii", [0.05, 1e200]),
+        ("radii", 5e-324),
+        ("masses", [1.0, 1e-320]),
+        ("masses", 1e300),
+        ("size", (1e308, 1.0)),
+    ],
+)
+def test_numbers_whose_squares_or_inverses_are_none_are_named(name, value):
+    with pytest.raises(ValueError, match=rf"^{name} must"):
+        AirTable(**GOOD | {"size": None} | {name: value})
+
+
+@pytest.mark.parametrize("method", ["continuous", "kiss", "overlap"])
+def test_at_the_ends_of_the_ranges_all_stays_finite(method):
+    table = AirTable([[-1e50, 0.0], [1e50, 1.0]], [[1e50, 0.0], [-1e50, 1e-320]], 1e49, [1e-50, 1e50], size=None,
+                     method=method)  # fmt: skip
+    for _ in range(3):
+        contacts = table.step(0.4)
+        assert all(np.isfinite(contacts[field]).all() for field in contacts.dtype.names)
+    assert np.isfinite(table.velocities).all()
+    assert math.isfinite(table.energy)
+
+
+@pytest.mark.parametrize("method", ["continuous", "kiss", "overlap"])
+def test_a_step_that_leads_beyond_all_numbers_is_named_and_changes_nothing(method):
+    table = AirTable(**GOOD | {"velocities": [[1e40, 0.0], [0.0, 0.0]]}, size=None, method=method)
+    before = snapshot(table)
+    with pytest.raises(ValueError, match=r"^dt must"):
+        table.step(1e300)
+    assert snapshot(table) == before
+
+
+def test_a_step_with_more_contacts_than_memory_should_hold_is_named_and_changes_nothing(monkeypatch):
+    monkeypatch.setattr(air_table, "MOST_CONTACTS", 1000)
+    table = AirTable(**GOOD)
+    table.step(0.1)
+    before = snapshot(table)
+    with pytest.raises(ValueError, match=r"^dt must"):
+        table.step(1e6)
+    assert snapshot(table) == before
+    assert len(table.step(100.0)) < 1000
+
+
+@pytest.mark.parametrize("value", [0.5, np.float16(0.5), np.longdouble(0.5), Fraction(1, 2)])
+def test_any_real_number_will_do(value):
+    table = AirTable([[value - 1, 0], [value, 0]], [[value, 0], [0, value]], value / 10, value, value, value, (2, 1))
+    assert (table.radii == 0.05).all() or value.dtype == np.float16
+    assert (table.masses == 0.5).all()
+    assert len(table.step(value)) == 0

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import copy
 import importlib.util
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,11 +18,14 @@ import torch
 from gymnasium import spaces
 from stable_baselines3 import SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecFrameStack, VecTransposeImage
 
+from agents import ppo
 from agents.algorithms import ALGORITHMS, HYPERPARAMS, AlgorithmArgs, make_env, make_model, read_hyperparameters, train
 from agents.features import SmallCnn
 from agents.models import export_policy
+from agents.runs import BUFFER_ARRAYS
 from airhockey_env.policy import MlpPolicy
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from scripts.train import main
@@ -137,6 +143,138 @@ def test_a_tiny_run(algo: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     np.testing.assert_allclose(MlpPolicy.load(folder.policy)(seen), expected, atol=1e-5)
     with pytest.raises(FileExistsError, match="holds a run already"):
         train(args)
+
+
+class Look(BaseCallback):
+    """Keeps what a model is when learning begins."""
+
+    def _on_training_start(self) -> None:
+        self.begun = self.model.num_timesteps
+        self.parameters = copy.deepcopy(self.model.get_parameters())
+        buffer = getattr(self.model, "replay_buffer", None)
+        self.buffer = None if buffer is None else {name: getattr(buffer, name).copy() for name in BUFFER_ARRAYS}
+        self.size = 0 if buffer is None else buffer.size()
+
+    def _on_step(self) -> bool:
+        return True
+
+
+def tiny_run(algo: str, **arguments: Any) -> AlgorithmArgs:
+    Path("tiny.yml").write_text(f"AirHockeyDefend-v0: {SMALL[algo]}")
+    return AlgorithmArgs(
+        algo, "AirHockeyDefend-v0", hyperparams=Path("tiny.yml"), name="tiny", evaluations=2, eval_episodes=2,
+        report_episodes=4, seed=3, **arguments,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("algo", ALGORITHMS)
+def test_resume(algo: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    folder = train(tiny_run(algo))
+    Path("tiny.yml").unlink()  # the run has what it needs
+    saved = ALGORITHMS[algo].load(folder.model, device="cpu")
+    look = Look()
+    train(AlgorithmArgs(resume="tiny", steps=120), callbacks=[look])
+    assert look.begun == saved.num_timesteps
+    for name, state in saved.get_parameters().items():
+        flat, own = (torch.nn.utils.parameters_to_vector(_tensors(one)) for one in (state, look.parameters[name]))
+        torch.testing.assert_close(own, flat, rtol=0.0, atol=0.0)
+    if look.buffer is not None:
+        assert look.size == saved.num_timesteps // 4
+        with np.load(folder.buffer) as kept:
+            for name in BUFFER_ARRAYS:  # the file goes on where the buffer was
+                np.testing.assert_array_equal(kept[name][5 : look.size], look.buffer[name][5 : look.size])
+            assert len(kept["rewards"]) == 25 and bool(kept["full"]), "100 steps on 4 tables, then from its beginning"
+            assert int(kept["position"]) == 5
+    again = ALGORITHMS[algo].load(folder.model, device="cpu")
+    assert again.num_timesteps >= 120
+    assert again._n_updates > saved._n_updates > 0
+    history = json.loads(folder.evaluations.read_text())
+    steps = [row["steps"] for row in history["evaluations"]]
+    assert steps == sorted(steps) and steps[-1] == again.num_timesteps
+    assert [row["seconds"] for row in history["updates"]] == sorted(row["seconds"] for row in history["updates"])
+    before = folder.evaluations.read_bytes()
+    train(AlgorithmArgs(resume="tiny"))  # finished: nothing but the report
+    assert json.loads(folder.evaluations.read_bytes())["evaluations"] == json.loads(before)["evaluations"]
+
+
+def _tensors(state: Any) -> list[torch.Tensor]:
+    """All numbers of a state dict, in order."""
+    if isinstance(state, torch.Tensor):
+        return [state.float()]
+    if isinstance(state, dict):
+        return [one for value in state.values() for one in _tensors(value)]
+    if isinstance(state, (list, tuple)):
+        return [one for value in state for one in _tensors(value)]
+    return [torch.tensor([float(state)])] if isinstance(state, (int, float)) else []
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a tiny run of SAC."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("finished"))
+        return train(tiny_run("sac")).path.absolute()
+
+
+class TestWhatIsNotResumed:
+    @pytest.fixture
+    def run(self, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+        monkeypatch.chdir(tmp_path)
+        shutil.copytree(finished, tmp_path / "runs" / "tiny")
+        return tmp_path / "runs" / "tiny"
+
+    def test_with_other_arguments(self, run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Regression: `--seed 0` was taken for the default, whatever the run's seed."""
+        for option in (("--seed", "0"), ("--seed", "5"), ("--algo", "ppo"), ("--eval-episodes", "200")):
+            monkeypatch.setattr(sys, "argv", ["train", "--resume", "tiny", "--steps", "1k", *option])
+            with pytest.raises(SystemExit) as stop:
+                main()
+            assert f"got {option[0]}" in str(stop.value.code)
+        monkeypatch.setattr(sys, "argv", ["train", "--resume", "tiny", "--steps", "8", "--seed", "3"])
+        with pytest.raises(SystemExit) as stop:
+            main()
+        assert "--steps must be more, got 8" in str(stop.value.code), "the run's own seed may be given"
+
+    def test_by_another_command(self, run: Path) -> None:
+        with pytest.raises(ValueError, match=r"runs.tiny is a run of scripts\.train"):
+            ppo.train(ppo.TrainArgs(resume="tiny"))
+
+    @pytest.mark.parametrize(
+        ("name", "value"),
+        [("algo", "dreamer"), ("algo", 3), ("steps", "many"), ("steps", True), ("seed", -1), ("seed", 0.5),
+         ("env", None),
+         ("threads", [1]), ("section", None), ("section", {}), ("section", "sac"), ("other", 1), ("command", "rm"),
+         ("section", {"n_timesteps": 9, "policy": "MlpPolicy", "policy_kwargs": "__import__('os').mkdir('owned')"}),
+         ("section", {"n_timesteps": 9, "policy": "MlpPolicy", "env_kwargs": {"wind": 1}})],
+    )  # fmt: skip
+    def test_a_forged_config(self, name: str, value: Any, run: Path) -> None:
+        config = json.loads((run / "config.json").read_text())
+        (run / "config.json").write_text(json.dumps({**config, name: value}))
+        with pytest.raises(ValueError, match=r"runs.tiny|hyperparameters do not fit"):
+            train(AlgorithmArgs(resume="tiny", steps=100))
+        assert not Path("owned").exists()
+
+    def test_a_damaged_buffer(self, run: Path) -> None:
+        path = run / "replay_buffer.npz"
+        with np.load(path) as file:
+            kept = dict(file)
+        for change in (
+            {"position": np.array(100)}, {"position": np.array("x")}, {"rewards": kept["rewards"][:2]},
+            {"actions": kept["actions"].astype(np.float64)}, {"observations": np.zeros(3, np.float32)},
+            {"full": np.array(True)},
+        ):  # fmt: skip
+            np.savez(path, **{**kept, **change})
+            with pytest.raises(ValueError, match=r"replay_buffer\.npz does not hold"):
+                train(AlgorithmArgs(resume="tiny", steps=100))
+        path.write_bytes(path.read_bytes()[:1000])
+        with pytest.raises(ValueError, match=r"replay_buffer\.npz does not hold"):
+            train(AlgorithmArgs(resume="tiny", steps=100))
+
+    def test_a_damaged_model(self, run: Path) -> None:
+        (run / "model.zip").write_bytes((run / "model.zip").read_bytes()[:-500])
+        with pytest.raises(ValueError, match=r"model\.zip does not hold"):
+            train(AlgorithmArgs(resume="tiny", steps=100))
 
 
 def test_a_tiny_run_of_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -31,6 +31,7 @@ from agents.self_play import SelfPlayArgs
 from airhockey_env.policy import MlpPolicy
 from airhockey_env.replay import RecordReplay, Replay, play_back
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
+from scripts.torturing.cases import Case
 
 Read = Callable[[Path], Any]
 
@@ -98,6 +99,7 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "league").mkdir()
     policy.save(folder / "league" / "5.npz")
     (folder / "league.json").write_text(json.dumps({"due": 8, "members": members}))
+    Case("gym", {"task": "hit"}, [{"do": "reset", "seed": 1}]).save(folder / "case.json")
     (folder / "tiny.yml").write_text(
         "AirHockeyHit-v0: {n_timesteps: 8, policy: MlpPolicy, policy_kwargs: 'dict(net_arch=[4])', clip_range: lin_0.2}"
     )
@@ -116,6 +118,7 @@ READERS: list[tuple[str, Read]] = [
     ("config.json", run_of),
     ("league.json", league_of),
     ("tiny.yml", hyperparameters_of),
+    ("case.json", Case.load),
 ]
 
 

@@ -26,7 +26,7 @@ ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 WORKS_WITH = ROOT / "docs" / "works_with.md"  # tests/ecosystem runs its blocks
 EXTENDING = ROOT / "docs" / "extending.md"
-ENVIRONMENTS = (ROOT / "docs" / "environments.md").read_text()
+ENVIRONMENTS = (ROOT / "docs" / "environments.md").read_text(encoding="utf-8")
 
 
 class Block(NamedTuple):
@@ -42,7 +42,7 @@ def blocks(page: Path) -> list[Block]:
     """The blocks of code on a page, in order."""
     found: list[Block] = []
     section, start, language = 0, 0, ""
-    lines = page.read_text().splitlines()
+    lines = page.read_text(encoding="utf-8").splitlines()
     for number, line in enumerate(lines):
         if start:
             if line == "```":
@@ -97,14 +97,14 @@ def apply(diff: str, root: Path) -> None:
     """Change a file as a diff block says. Its context has to be there once: line numbers are not needed."""
     name, *hunks = diff.removeprefix("--- ").split("@@\n")
     path = root / name.strip()
-    text = path.read_text()
+    text = path.read_text(encoding="utf-8")
     for hunk in hunks:
         lines = hunk.splitlines(keepends=True)
         before = "".join(line[1:] for line in lines if line[0] in " -")
         after = "".join(line[1:] for line in lines if line[0] in " +")
         assert text.count(before) == 1, f"in {name.strip()} these lines stand {text.count(before)} times:\n{before}"
         text = text.replace(before, after)
-    path.write_text(text)
+    path.write_text(text, encoding="utf-8")
 
 
 CHECK = """
@@ -149,13 +149,13 @@ def test_changes_inside_the_package_work(folder: Path) -> None:
 
 def anchors(page: Path) -> set[str]:
     """The names under which GitHub links to the headings of a page."""
-    headings = re.findall(r"^#+ (.*)$", page.read_text(), flags=re.MULTILINE)
+    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_lead_somewhere(page: Path) -> None:
-    for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text()):
+    for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
         if link.startswith(("http://", "https://")):
             continue
         path, _, anchor = link.partition("#")
@@ -166,7 +166,7 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_commands_exist(page: Path) -> None:
-    for name in re.findall(r"python -m scripts\.(\w+)", page.read_text()):
+    for name in re.findall(r"python -m scripts\.(\w+)", page.read_text(encoding="utf-8")):
         assert (ROOT / "scripts" / f"{name}.py").exists(), f"there is no scripts.{name}"
 
 

@@ -40,18 +40,18 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def numbers(study: Path) -> dict[str, Any]:
-    return json.loads((study / "numbers.json").read_text())
+    return json.loads((study / "numbers.json").read_text(encoding="utf-8"))
 
 
 @pytest.mark.parametrize("part", [part for part in PARTS if part != "engines"])
 def test_every_part_writes_its_figure_and_table(part: str, study: Path) -> None:
     assert (study / f"kiss_{part}.png").read_bytes().startswith(b"\x89PNG")
-    assert len(written_tables((study / "kiss_study.md").read_text())[part]) > 3
+    assert len(written_tables((study / "kiss_study.md").read_text(encoding="utf-8"))[part]) > 3
     assert not list(study.glob(".part-*"))
 
 
 def test_the_page_in_docs_is_whole() -> None:
-    tables = written_tables((ROOT / "docs" / "kiss_study.md").read_text())
+    tables = written_tables((ROOT / "docs" / "kiss_study.md").read_text(encoding="utf-8"))
     for part in PARTS:
         assert len(tables[part]) > 3
         assert (ROOT / "docs" / f"kiss_{part}.png").stat().st_size < 150_000
@@ -59,10 +59,10 @@ def test_the_page_in_docs_is_whole() -> None:
 
 
 def test_one_part_leaves_the_others_as_they_are(study: Path, tmp_path: Path) -> None:
-    (tmp_path / "kiss_study.md").write_text((study / "kiss_study.md").read_text())
-    before = written_tables((tmp_path / "kiss_study.md").read_text())
+    (tmp_path / "kiss_study.md").write_text((study / "kiss_study.md").read_text(encoding="utf-8"), encoding="utf-8")
+    before = written_tables((tmp_path / "kiss_study.md").read_text(encoding="utf-8"))
     kiss_study(KissStudyArgs(out=tmp_path, only="picture"))
-    assert written_tables((tmp_path / "kiss_study.md").read_text()) == before
+    assert written_tables((tmp_path / "kiss_study.md").read_text(encoding="utf-8")) == before
     assert sorted(path.name for path in tmp_path.iterdir()) == ["kiss_picture.png", "kiss_study.md"]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import os
 
 import gymnasium as gym
 import numpy as np
@@ -409,3 +410,10 @@ def test_an_action_that_lies_spread_out_or_is_read_only_plays_as_its_values_do()
         actions.flags.writeable = False
         seen, expected = spread.step(actions[:, 1]), plain.step(actions[:, 1].copy())
         np.testing.assert_array_equal(seen[0], expected[0])
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="needs processor affinity")
+def test_a_batch_takes_the_cores_that_its_process_may_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda process: {3, 7, 9})
+    monkeypatch.setattr(os, "cpu_count", lambda: 64)
+    assert AirHockeyVectorEnv(2)._game.threads.num_threads == 3

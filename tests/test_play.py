@@ -689,3 +689,36 @@ def test_a_real_window_and_a_real_mouse(screen: Screen) -> None:
     finally:
         process.kill()
         process.wait()
+
+
+SHOW = """
+import sys, warnings
+import gymnasium, airhockey_env
+warnings.simplefilter("always")
+env = gymnasium.make("AirHockey-v0", render_mode="human")
+with warnings.catch_warnings(record=True) as caught:
+    env.reset(seed=0)
+print([str(warning.message) for warning in caught])
+import pygame
+print(pygame.display.get_driver())
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="screens are asked for otherwise")
+@pytest.mark.parametrize("chosen", [None, "dummy"])
+def test_human_rendering_without_a_screen_says_so(chosen: str | None) -> None:
+    hidden = ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER", "DISPLAY", "WAYLAND_DISPLAY")
+    environment = {name: value for name, value in os.environ.items() if name not in hidden}
+    environment["PYTHONPATH"] = str(Path(__file__).parents[1])
+    if chosen is not None:
+        environment["SDL_VIDEODRIVER"] = chosen
+    done = subprocess.run([sys.executable, "-c", SHOW], env=environment, capture_output=True, text=True)
+    if "needs a screen" in done.stderr:
+        assert chosen is None and "render_mode" in done.stderr  # SDL has nothing to fall back on
+        return
+    assert done.returncode == 0, done.stderr
+    said, driver = done.stdout.splitlines()
+    if chosen is not None:
+        assert said == "[]" and driver == chosen
+    elif driver in ("offscreen", "dummy"):  # and not a console's frame buffer, say
+        assert "render_mode" in said and driver in said and "screen" in said

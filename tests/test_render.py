@@ -378,3 +378,15 @@ def test_missing_pygame_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setitem(sys.modules, "pygame", None)
     with pytest.raises(gymnasium.error.DependencyNotInstalled, match=r'pip install "airhockey-env\[human\]"'):
         Window(SMALL)
+
+
+def test_gymnasiums_record_video(tmp_path):
+    pytest.importorskip("moviepy", reason='needs the extra "video"')
+    env = gymnasium.make("AirHockey-v0", render_mode="rgb_array", render_size=(64, 36), max_episode_steps=6)
+    env = gymnasium.wrappers.RecordVideo(env, str(tmp_path / "videos"), episode_trigger=lambda episode: True)
+    env.reset(seed=0)
+    for _ in range(6):
+        env.step(env.action_space.sample())
+    env.close()
+    (video,) = (tmp_path / "videos").iterdir()
+    assert video.suffix == ".mp4" and video.stat().st_size > 500

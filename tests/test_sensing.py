@@ -113,7 +113,7 @@ def test_every_field_is_checked_and_documented():
     fields = [field.name for field in dataclasses.fields(Camera)]
     checked = {mark.args[1][k][0] for mark in test_bad_values_are_named.pytestmark for k in range(len(mark.args[1]))}
     assert checked == set(fields)
-    rows = re.findall(r"^\| `(\w+)` \|.* \| (\S+) \| (\S+) \|$", DOCS.read_text(), flags=re.MULTILINE)
+    rows = re.findall(r"^\| `(\w+)` \|.* \| (\S+) \| (\S+) \|$", DOCS.read_text(encoding="utf-8"), flags=re.MULTILINE)
     assert [row[0] for row in rows] == fields
     for name, default, robot in rows:
         assert str(getattr(Camera(), name)).removesuffix(".0") == default
@@ -646,7 +646,7 @@ def test_the_vector_wrapper_is_the_vector_wrapper():
 
 
 def test_examples_of_the_documentation():
-    blocks = re.findall(r"^```python\n(.*?)^```", DOCS.read_text(), flags=re.MULTILINE | re.DOTALL)
+    blocks = re.findall(r"^```python\n(.*?)^```", DOCS.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
     assert len(blocks) == 5
     exec(compile("\n".join(blocks), str(DOCS), "exec"), {})
 

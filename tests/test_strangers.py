@@ -309,6 +309,36 @@ def test_hyperparameters_run_no_code(tmp_path: Path, marker: Path) -> None:
     assert marker.exists(), "or this test would show nothing"
 
 
+DOUBLED = ", ".join(f"a{k + 1}: &a{k + 1} [*a{k}, *a{k}]" for k in range(20))
+
+
+@pytest.mark.parametrize("section", ["&a {n_timesteps: 8, b: *a}", f"{{a0: &a0 [x], {DOUBLED}}}"])
+def test_hyperparameters_that_multiply(section: str, tmp_path: Path) -> None:
+    (tmp_path / "laughs.yml").write_text(f"AirHockeyHit-v0: {section}")
+    with pytest.raises(ValueError, match=r"laughs\.yml.*10,000"):
+        read_hyperparameters(tmp_path / "laughs.yml", "AirHockeyHit-v0")
+
+
+@pytest.mark.parametrize("damage", ["shape", "lr", "group", "nan"])
+def test_an_optimisers_state_that_does_not_fit(damage: str, tmp_path: Path) -> None:
+    model = MODELS["ppo"]()
+    model.learn(8)
+    path = tmp_path / "model.zip"
+    model.save(path)
+    state = model.policy.optimizer.state_dict()
+    if damage == "shape":
+        state["state"][0]["exp_avg"] = torch.zeros(5, 5)
+    elif damage == "nan":
+        state["state"][0]["exp_avg"][:] = torch.nan
+    elif damage == "lr":
+        state["param_groups"][0]["lr"] = "fast"
+    else:
+        state["param_groups"][0]["more"] = 1.0
+    rewritten(path, {"policy.optimizer.pth": saved(state)})
+    with pytest.raises(ValueError, match=r"model\.zip does not hold a model"):
+        load_weights(MODELS["ppo"](), path)
+
+
 def test_policy_kwargs() -> None:
     text = "dict(net_arch=dict(pi=[64, 32], vf=[]), activation_fn=nn.ReLU, log_std_init=-2.5, ortho_init=False)"
     expected = {"net_arch": {"pi": [64, 32], "vf": []}, "activation_fn": torch.nn.ReLU, "log_std_init": -2.5}

@@ -70,6 +70,7 @@ def advance(discs, surface, start, tick, limit, contacts, pause, near, cluster=N
             return Outcome(elapsed, count, side)
         other = kiss.b if kiss.kind == DISC else -1
         if not relieve(discs, kiss.a, other, limit):
+            settled = False
             if cluster is not None and collapses(cluster, kiss.a, other, elapsed, kiss.kind == WALL):
                 touching = gather(cluster, discs, near, surface, kiss.a, other)
                 if touching > contacts.shape[0] - count:
@@ -77,10 +78,10 @@ def advance(discs, surface, start, tick, limit, contacts, pause, near, cluster=N
                 before = count
                 count = settle(cluster, discs, touching, tick - elapsed, contacts, count, elapsed)
                 find_near(near, discs, tick - elapsed)
-                if count > before:
-                    continue
-            count = resolve(discs, kiss, surface, contacts, count, elapsed)
-            if near is not None:
-                keep_near(near, discs, kiss.a, other, tick - elapsed)
+                settled = count > before
+            if not settled:
+                count = resolve(discs, kiss, surface, contacts, count, elapsed)
+                if near is not None:
+                    keep_near(near, discs, kiss.a, other, tick - elapsed)
             if pause and count == contacts.shape[0]:
                 return Outcome(elapsed, count, 0)

@@ -31,7 +31,7 @@ from airhockey_env.engine.tolerances import (
     SKIN,
     TABLE_CONTACTS,
     TOUCH_SPEED,
-)  # fmt: skip
+)
 
 PAIRS = 8
 """Room for pairs that touch, per disc; in the plane there are hardly more than 3, and 2 walls."""
@@ -80,8 +80,11 @@ def patience(restitution: float) -> float:
 def make_cluster(n: int, restitution: float, wall_restitution: float) -> Cluster:
     """Room for a table of n discs."""
     m = n * PAIRS
+    with_discs = patience(restitution)
+    # Pressed to an elastic wall by others, a disc loses at every other contact.
+    with_walls = min(patience(wall_restitution), 2.0 * with_discs)
     return Cluster(
-        patience=np.array([patience(restitution), patience(wall_restitution)]),
+        patience=np.array([with_discs, with_walls]),
         last=np.zeros(n),
         quick=np.zeros(n, np.int64),
         link=np.zeros(n, np.int64),
@@ -341,7 +344,9 @@ def _halt(cluster, discs, m):
 def settle(cluster, discs, m, rest, contacts, count, time):
     """Settle the m contacts that were gathered, with `rest` seconds left of the step. The new number of contacts.
 
-    Where there are no velocities with which nothing approaches, driven discs squeeze the cluster: they give way.
+    Where there are no velocities with which nothing approaches, driven discs squeeze the cluster: they give way. If
+    even that leaves none that can be found (speeds so high, or masses so different, that rounding is in the way), the
+    cluster moves on as one.
     """
     solved = _solve(cluster, discs, m, rest)
     if not solved:

@@ -28,5 +28,15 @@ COLLAPSE_CONTACTS = 8
 COLLAPSE_SHARE = 1e-3
 """as many more as would take a speed to this share of itself."""
 
-SKIN = 1e-3
+SKIN = 1e-2
 """Share of the sum of two radii. Discs of a collapsing cluster that are no further apart touch."""
+
+GREATEST = 1e50
+"""Greatest coordinate, speed, radius and (finite) mass on an `AirTable`, and one over the smallest radius and mass:
+products of four of them still are floats."""
+
+FARTHEST = 1e300
+"""m. Greatest way that a disc may travel in a step."""
+
+MOST_CONTACTS = 2**22
+"""Contacts of one step of an `AirTable`, all discs together: a quarter of a gigabyte."""

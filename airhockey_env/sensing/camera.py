@@ -5,15 +5,17 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from numbers import Integral, Real
+from numbers import Integral
 from typing import Any
+
+from airhockey_env.real_numbers import as_float, shown
 
 
 def _between(name: str, value: Any, low: float, high: float, other: str = "") -> float:
-    number = isinstance(value, Real) and not isinstance(value, bool)
-    if not number or not low <= value <= high:
-        raise ValueError(f"{name} must be {other}a number from {low} to {high}, got {value!r}")
-    return float(value)
+    number = as_float(value)
+    if number is None or not low <= number <= high:
+        raise ValueError(f"{name} must be {other}a number from {low} to {high}, got {shown(value)}")
+    return number
 
 
 @dataclass(frozen=True)
@@ -67,8 +69,9 @@ class Camera:
         self._set("jitter_ms", jitter)
         frames = self.velocity_frames
         if frames is not None:
-            if not isinstance(frames, Integral) or isinstance(frames, bool) or not 2 <= frames <= 64:
-                raise ValueError(f"velocity_frames must be None or a whole number from 2 to 64, got {frames!r}")
+            whole = isinstance(frames, Integral) and as_float(frames) is not None
+            if not whole or not 2 <= frames <= 64:
+                raise ValueError(f"velocity_frames must be None or a whole number from 2 to 64, got {shown(frames)}")
             self._set("velocity_frames", int(frames))
 
     def _set(self, name: str, value: float) -> None:

@@ -19,7 +19,7 @@ def markdown(rows: Rows) -> str:
 
 def write(path: Path, text: str) -> None:
     """Write a page, at once or not at all."""
-    replace(path, lambda part: part.write_text(text))
+    replace(path, lambda part: part.write_text(text, encoding="utf-8"))
 
 
 def insert(page: str, part: str, rows: Rows) -> str:

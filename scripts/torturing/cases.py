@@ -18,11 +18,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 import airhockey_env
+from agents.files import COUNT, TEXT, mismatch
 from airhockey_env.files import replace
 from airhockey_env.tables import TableSpec
 
 FORMAT = 1
 """Of the files."""
+
+_PATTERN = {
+    "format": COUNT,
+    "version": TEXT,
+    "face": TEXT,
+    "arguments": {},
+    "operations": [{"do": TEXT}],
+    "weird": [TEXT],
+}
 
 
 @dataclass(frozen=True)
@@ -40,7 +50,7 @@ class Case:
     def save(self, path: Path) -> None:
         """Write a file; one that is there already is replaced at once or not at all."""
         notes = {"format": FORMAT, "version": airhockey_env.__version__, **dataclasses.asdict(self)}
-        replace(path, lambda part: part.write_text(json.dumps(notes, indent=1) + "\n"))
+        replace(path, lambda part: part.write_text(json.dumps(notes, indent=1) + "\n", encoding="utf-8"))
 
     @classmethod
     def load(cls, path: Path) -> Case:
@@ -50,14 +60,15 @@ class Case:
             OSError: there is no such file.
             ValueError: the file does not hold a case; the message names it.
         """
-        text = path.read_text()
         try:
-            notes = json.loads(text)
+            notes = json.loads(path.read_text(encoding="utf-8"))  # with infinities, which are among what was tried
+            if (wrong := mismatch(notes, _PATTERN)) is not None:
+                raise ValueError(wrong)
             if notes.pop("format") != FORMAT:
                 raise ValueError(f"it is not of format {FORMAT}")
             notes.pop("version")
             return cls(**{**notes, "weird": tuple(notes["weird"])})
-        except (ValueError, TypeError, KeyError, AttributeError) as error:
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
             raise ValueError(f"{path} does not hold a case of the torture chamber: {error}") from error
 
     def through_json(self) -> Case:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from airhockey_env.air_table import AirTable
 from airhockey_env.engine.near import FEWEST, PARTNERS, find_near, make_near
+from airhockey_env.engine.tolerances import SKIN
 from tests.engine.scenes import laws, random_scene, seeds
 
 
@@ -71,7 +72,7 @@ def test_the_pairs_are_those_whose_reaches_meet() -> None:
     near = make_near(len(positions))
     find_near(near, table._discs(), 0.02)
     assert not near.whole[0]
-    reach = 0.05 + 1.5 * np.hypot(*velocities.T) * 0.02
+    reach = 0.05 * (1.0 + SKIN) + 1.5 * np.hypot(*velocities.T) * 0.02
     for a in range(len(positions)):
         partners = near.partner[near.start[a] : near.start[a + 1]].tolist()
         gaps = np.abs(positions - positions[a]).max(axis=1)
