@@ -625,3 +625,16 @@ def test_unknown_agents():
     for space in (game.observation_space, game.action_space):
         with pytest.raises(KeyError, match="middle"):
             space("middle")
+
+
+def test_wrappers_draw_from_a_generator_that_the_seed_determines():
+    """SuperSuit's `frame_skip_v0` asks for `np_random`, as PettingZoo's own environments have it."""
+    game = AirHockeyParallelEnv()
+    drawn = []
+    for seed in (0, 1, 0):
+        game.reset(seed=seed)
+        drawn.append(game.np_random.integers(2**63))
+    assert drawn[0] == drawn[2] != drawn[1]
+    game = AirHockeyParallelEnv()
+    game.reset()
+    assert game.np_random.integers(2**63) >= 0

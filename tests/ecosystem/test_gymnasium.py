@@ -67,7 +67,7 @@ ARRAYS = {
 
 
 def play(envs: Any, mode: AutoresetMode, array: Callable[[Any], Any] = np.asarray, steps: int = 100) -> list[Any]:
-    """What a batch returns for sampled actions; tables that are over are reset by mask where they do not by themselves."""
+    """What a batch returns for sampled actions, and for resets by mask where tables stay over otherwise."""
     envs.action_space.seed(0)
     results = [envs.reset(seed=0)]
     for _ in range(steps):

@@ -9,12 +9,10 @@ import pytest
 
 from tests.ecosystem.page import IN_ANOTHER_ENVIRONMENT, run_section, sections
 
-TESTED_BY_NAME = ("Works with", "A single file", "RL-Zoo", "Tianshou", "Weights & Biases")
+TESTED_ELSEWHERE = (*IN_ANOTHER_ENVIRONMENT, "Works with", "A single file", "RL-Zoo", "Tianshou", "Weights & Biases")
 
 
-@pytest.mark.parametrize(
-    "name", [name for name in sections() if name not in (*IN_ANOTHER_ENVIRONMENT, *TESTED_BY_NAME)]
-)
+@pytest.mark.parametrize("name", [name for name in sections() if name not in TESTED_ELSEWHERE])
 def test_section(name: str, tmp_path: Path) -> None:
     run_section(name, tmp_path)
 

@@ -78,7 +78,7 @@ def test_players_as_tables_of_a_batch(num_cpus: int) -> None:
     assert observations.shape == (4, 13)
     ends = 0
     for _ in range(40):
-        observations, rewards, terminated, truncated, infos = envs.step(np.zeros((4, 2), np.float32))
+        observations, rewards, terminated, truncated, _ = envs.step(np.zeros((4, 2), np.float32))
         assert observations.shape == (4, 13) and np.isfinite(rewards).all()
         ends += int(np.sum(terminated) + np.sum(truncated))
     envs.close()

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
+import pytest
 import torch
 from tianshou.algorithm.algorithm_base import Policy
 from tianshou.data import Batch, Collector, VectorReplayBuffer
@@ -40,7 +41,8 @@ def test_infos_are_columns_of_the_buffer() -> None:
         assert 1.0 <= infos.table.width.min() < infos.table.width.max() <= 1.2
 
 
-def test_an_experiment_comes_back_from_its_folder(tmp_path: Path) -> None:
+def test_an_experiment_comes_back_from_its_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     run_section("Tianshou", tmp_path)
     folder = tmp_path / "log" / "air-hockey" / "exp_seed=42"
     experiment = Experiment.from_directory(str(folder), restore_policy=True)
