@@ -34,6 +34,8 @@ def replace_together(writes: Mapping[Path, Callable[[Path], object]]) -> None:
     try:
         for path, write in writes.items():
             write(parts[path])
+            with open(parts[path], "rb+") as file:
+                os.fsync(file.fileno())  # or a machine that loses power could keep the new name of an empty file
         for path, part in parts.items():
             os.replace(part, path)
     finally:
