@@ -9,6 +9,9 @@ from typing import Any
 
 from airhockey_env.tables import PRESETS, TableSpec
 
+MOST = 1e18
+"""The greatest number that any option takes."""
+
 
 def check_ranges(args: Any, **ranges: tuple[float, float]) -> None:
     """Check number fields (None passes) of an arguments record against their (least, greatest) values.
@@ -20,7 +23,7 @@ def check_ranges(args: Any, **ranges: tuple[float, float]) -> None:
         value = getattr(args, name)
         if value is None:
             continue
-        if not least <= value <= greatest or math.isinf(value):
+        if not least <= value <= greatest or abs(value) > MOST:
             allowed = f"{least} or more" if math.isinf(greatest) else f"from {least} to {greatest}"
             raise ValueError(f"--{name.replace('_', '-')} must be {allowed}, got {value}")
 

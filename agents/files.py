@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
 
-from airhockey_env.files import pairs_once, replace
+from airhockey_env.files import parse_json, replace
 
 MOST_BYTES = 64 * 2**20
 """Of a JSON file: a run's records of a hundred thousand updates have a third of it."""
@@ -34,6 +34,8 @@ def replace_together(writes: Mapping[Path, Callable[[Path], object]]) -> None:
     try:
         for path, write in writes.items():
             write(parts[path])
+            with open(parts[path], "rb+") as file:
+                os.fsync(file.fileno())  # or a machine that loses power could keep the new name of an empty file
         for path, part in parts.items():
             os.replace(part, path)
     finally:
@@ -94,16 +96,12 @@ def read_json(path: Path, pattern: Any = None) -> Any:
     if size > MOST_BYTES:
         raise ValueError(f"{path} has {size:,} bytes, and may have {MOST_BYTES:,}")
     try:
-        data = json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=pairs_once, parse_constant=_no_number)
-    except (ValueError, RecursionError) as error:  # of the text or of its encoding
+        data = parse_json(path.read_text(encoding="utf-8"))
+    except ValueError as error:  # of the text or of its encoding
         raise ValueError(f"{path} is not a JSON file: {error}") from error
     if (wrong := mismatch(data, pattern)) is not None:
         raise ValueError(f"{path}: {wrong}")
     return data
-
-
-def _no_number(name: str) -> float:
-    raise ValueError(f"JSON has no {name}")
 
 
 def mismatch(data: Any, pattern: Any, where: str = "it") -> str | None:

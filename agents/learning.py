@@ -77,8 +77,7 @@ def learning(stop: Stop, bar: ProgressBar, save: Callable[[], object], go_on: st
     except BaseException as error:
         asked = isinstance(error, (KeyboardInterrupt, Stopped)) and stop.asked
         if not asked:
-            with contextlib.suppress(OSError):  # a full disk may be what failed
-                save()
+            save()
             raise
     finally:
         bar.close()

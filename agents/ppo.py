@@ -391,9 +391,7 @@ def _train(
 
 def _save(folder: RunFolder, model: BaseAlgorithm, history: dict[str, Any], league: League | None) -> None:
     """Write everything that a resumed run needs but its arguments."""
-    if league is not None:
-        league.save(folder.path)
-    save(folder, model, history)
+    save(folder, model, history, more=lambda: league.save(folder.path) if league is not None else None)
 
 
 def _take_over(model: PPO, folder: RunFolder) -> None:

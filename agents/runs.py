@@ -248,10 +248,15 @@ class Clock:
         return self.before + time.perf_counter() - self.start
 
 
-def save(folder: RunFolder, model: BaseAlgorithm, history: dict[str, Any]) -> None:
+def save(
+    folder: RunFolder, model: BaseAlgorithm, history: dict[str, Any], more: Callable[[], object] = lambda: None
+) -> None:
     """Write the model, its policy (of states alone), the replay buffer if it has one, and the record of the run.
 
     They are written beside the old ones, which they replace when all of them are complete.
+
+    Args:
+        more: writes what else belongs to the run, at first.
 
     Raises:
         OSError: they cannot be written; the message says that the old ones are whole.
@@ -263,6 +268,7 @@ def save(folder: RunFolder, model: BaseAlgorithm, history: dict[str, Any]) -> No
         writes[folder.buffer] = lambda part: save_buffer(model.replay_buffer, part)
     writes[folder.evaluations] = lambda part: write_json(part, history)
     try:
+        more()
         replace_together(writes)
     except OSError as error:
         raise OSError(f"{folder.path} could not be saved, its last checkpoint is whole: {error}") from error

@@ -10,7 +10,6 @@ each pickle. What cannot be told from these needs `trusted_policy`, which does o
 from __future__ import annotations
 
 import io
-import json
 import math
 import pickletools
 import re
@@ -29,10 +28,11 @@ from stable_baselines3.common.torch_layers import FlattenExtractor, NatureCNN
 from torch import nn
 
 from agents.features import RelativeFeatures, SmallCnn
-from airhockey_env.files import check_archive, pairs_once
+from airhockey_env.files import check_archive, parse_json
 
-MOST_BYTES = 2**30
-"""That a file may unpack to."""
+MOST_BYTES, MOST_TIMES = 64 * 2**20, 4
+"""That a file may unpack to, or so many times its own size: Stable-Baselines3 does not compress, and weights hardly can
+be."""
 
 COUNTERS = ("num_timesteps", "_total_timesteps", "_num_timesteps_at_start", "_episode_num", "_n_updates")
 """What a model counts: whole numbers, in JSON as they are."""
@@ -78,11 +78,11 @@ def read_model(path: Path) -> SavedModel:
         raise FileNotFoundError(f"there is no file {path}")
     try:
         with zipfile.ZipFile(path) as archive:
-            check_archive(archive, MOST_BYTES)
+            check_archive(archive, max(MOST_BYTES, MOST_TIMES * path.stat().st_size))
             names = archive.namelist()
             if "data" not in names or "policy.pth" not in names:
                 raise ValueError("it is a zip file of something else")
-            data = json.loads(archive.read("data"), object_pairs_hook=pairs_once)
+            data = parse_json(archive.read("data").decode(), constants=True)
             if not isinstance(data, dict):
                 raise ValueError("its data are no JSON object")
             # The pickled text is of no use and often long.

@@ -16,6 +16,7 @@ from airhockey_env.engine.near import FEWEST, find_near, make_near
 from airhockey_env.engine.records import CONTACT, SURFACE, Discs
 from airhockey_env.engine.tolerances import FARTHEST, GREATEST, MOST_CONTACTS, OVERLAP, TABLE_CONTACTS
 from airhockey_env.real_numbers import as_float, shown
+from airhockey_env.threads import Threads
 
 METHODS = ("continuous", "kiss", "overlap")
 
@@ -201,6 +202,7 @@ class AirTable:
         self._hits = np.zeros(n, np.int32)
         self._buffer = records(max(64, 4 * n), CONTACT)
         self._before = np.zeros((n, 4))
+        self._threads = Threads(1)
         self._near = make_near(n) if n >= FEWEST else None
         self._cluster = make_cluster(n, float(restitution), float(wall_restitution)) if n >= FEWEST else None
 
@@ -252,7 +254,7 @@ class AirTable:
         return float(0.5 * np.sum(self._masses[finite] * np.sum(self._velocities[finite] ** 2, axis=1)))
 
     def step(self, dt: float) -> NDArray[np.void]:
-        """Play `dt` seconds.
+        """Play `dt` seconds. Of several threads that call it, one plays at a time.
 
         Every contact of the step is collected, so memory grows with `dt`, up to 4,194,304 contacts: on a table whose
         pucks lose nothing, play a long time in many steps.
@@ -276,8 +278,9 @@ class AirTable:
         if not math.isfinite(self.time + seconds):
             raise ValueError(f"dt must leave the table's time finite, which is {self.time} s; got {shown(dt)}")
         dt = seconds
-        contacts = self._step_continuous(dt) if self.method == "continuous" else self._step_discrete(dt)
-        self.time += dt
+        with self._threads.lock:
+            contacts = self._step_continuous(dt) if self.method == "continuous" else self._step_discrete(dt)
+            self.time += dt
         return contacts
 
     def _discs(self) -> Discs:

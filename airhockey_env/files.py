@@ -5,6 +5,7 @@ What is read may come from a stranger: nothing in it is run, and nothing is expa
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import zipfile
@@ -16,6 +17,9 @@ from numpy.lib import format as npy
 
 _READERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 """Of the headers of arrays; the later one is for records of very many fields."""
+
+MOST_VALUES = 10**6
+"""In JSON."""
 
 
 def replace(path: str | Path, write: Callable[[Path], object]) -> None:
@@ -47,16 +51,34 @@ def check_archive(archive: zipfile.ZipFile, most: int) -> None:
         raise ValueError(f"it would unpack to {size:,} bytes, and may to {most:,}")
 
 
-def pairs_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """A JSON object, for `json.loads(..., object_pairs_hook=pairs_once)`.
+def parse_json(text: str, constants: bool = False) -> Any:
+    """What JSON says.
+
+    Args:
+        constants: NaN and Infinity, which Python writes and JSON does not have, will do.
 
     Raises:
-        ValueError: a name stands in it twice.
+        ValueError: it is no JSON, says something twice, is nested deeply, or has more than `MOST_VALUES` values: each
+            takes far more memory than its text.
     """
+    values = sum(map(text.count, ",[{"))
+    if values > MOST_VALUES:
+        raise ValueError(f"it has about {values:,} values, and may have {MOST_VALUES:,}")
+    try:
+        return json.loads(text, object_pairs_hook=_once, parse_constant=None if constants else _refuse)
+    except RecursionError as error:
+        raise ValueError("it is nested too deeply") from error
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     result = dict(pairs)
     if len(result) < len(pairs):
         raise ValueError("a name stands twice in one object")
     return result
+
+
+def _refuse(name: str) -> float:
+    raise ValueError(f"JSON has no {name}")
 
 
 def read_arrays(path: str | Path, writer: str, needed: Sequence[str], most: int) -> dict[str, Any]:

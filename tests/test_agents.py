@@ -520,6 +520,8 @@ def test_ranges_name_the_option() -> None:
     check_ranges(TrainArgs(), n_steps=(1, math.inf), gamma=(0, 1))
     with pytest.raises(ValueError, match="--n-steps must be 1 or more, got 0"):
         check_ranges(TrainArgs(n_steps=0), n_steps=(1, math.inf))
+    with pytest.raises(ValueError, match="--steps must be 1 or more, got 1000"):
+        check_ranges(TrainArgs(steps=10**400), steps=(1, math.inf))
     with pytest.raises(ValueError, match="--gamma must be from 0 to 1, got nan"):
         check_ranges(TrainArgs(gamma=math.nan), gamma=(0, 1))
     with pytest.raises(ValueError, match="--learning-rate must be 0 or more, got inf"):

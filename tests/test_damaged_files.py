@@ -184,6 +184,7 @@ def texts(data: Any) -> Iterator[str]:
         if place:
             yield json.dumps(changed(data, place, 0)).replace("0", "[" * 50_000, 1)
     yield '{"a": ' * 50_000
+    yield json.dumps(data)[:-1] + ', "a": [' + "[]," * 1_000_000 + "0]}"
     yield json.dumps(data)[:-1] + ', "a": 1, "a": 2}'
 
 

@@ -127,8 +127,6 @@ def test_both_sides_see_their_own_picture() -> None:
 def test_the_commands_take_a_run_of_pictures(pictures: Path, tmp_path: Path, call: Call) -> None:
     call("evaluate", str(pictures), "--task", "defend", "--episodes", "2", "--json", "task.json")
     assert json.loads((tmp_path / "task.json").read_text())["results"][0]["episodes"] == 2
-    call("evaluate", "idle", "--opponent", str(pictures), "--episodes", "2", "--json", "points.json")
-    assert json.loads((tmp_path / "points.json").read_text())["results"][0]["opponent"] == "tiny"
     call("ladder", "--only", str(pictures), "idle", "--points", "2", "--json", "ladder.json")
     rated = json.loads((tmp_path / "ladder.json").read_text())["ratings"]
     assert {row["player"] for row in rated} == {"tiny", "idle"}
@@ -136,7 +134,6 @@ def test_the_commands_take_a_run_of_pictures(pictures: Path, tmp_path: Path, cal
     call("record_video", "idle", "--opponent", str(pictures), "--seconds", "0.2", "--out", "match.gif")
     assert (tmp_path / "hit.gif").read_bytes().startswith(b"GIF")
     assert (tmp_path / "match.gif").read_bytes().startswith(b"GIF")
-    call("scorecard", str(pictures), "--points", "2", "--episodes", "2", "--json", "card.json")
 
 
 def test_it_plays_against_a_person(pictures: Path) -> None:

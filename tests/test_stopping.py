@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import shutil
 import signal
 import subprocess
 import threading
@@ -234,6 +235,33 @@ def test_a_full_disk_leaves_the_last_checkpoint(monkeypatch: pytest.MonkeyPatch)
     assert not list(folder.rglob("*part*"))
     ppo.train(TrainArgs(resume="own", steps=64))
     assert steps_of(folder) == 64
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("steps", "many"), ("steps", 10**400), ("gamma", "1"), ("gamma", 7), ("opponents", "striker"), ("opponents", [1]),
+     ("opponents", ["nobody"]), ("seed", True), ("wind", 1), ("command", "train"), ("command", ["rm"]), ("name", 5)],
+)  # fmt: skip
+def test_a_forged_config_is_refused(name: str, value: Any, forged: Path) -> None:
+    config = json.loads((forged / "config.json").read_text())
+    (forged / "config.json").write_text(json.dumps({**config, name: value}))
+    before = (forged / "model.zip").read_bytes()
+    with pytest.raises(ValueError, match=r"runs.own"):
+        ppo.train(TrainArgs(resume="own"))
+    assert (forged / "model.zip").read_bytes() == before
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("finished"))
+        return ppo.train(TrainArgs(name="own", **TINY)).path.absolute()
+
+
+@pytest.fixture
+def forged(finished: Path, tmp_path: Path) -> Path:
+    """A copy of a run, to be changed."""
+    return Path(shutil.copytree(finished, tmp_path / "runs" / "own"))
 
 
 def test_files_replace_together_or_not_at_all(tmp_path: Path) -> None:

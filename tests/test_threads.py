@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv
+from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv, AirTable
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.threads import Threads
 from tests.faces import random_actions, same
@@ -138,6 +138,19 @@ def test_two_threads_may_step_look_and_save_at_once() -> None:
     over.set()
     watcher.join()
     assert seen and set(seen) <= set(states)
+
+
+def test_two_threads_that_step_one_air_table_take_turns() -> None:
+    """A crowd, so that the pairs that are near each other are kept in arrays of their own."""
+    rng = np.random.default_rng(0)
+    places = np.stack(np.meshgrid(np.linspace(-0.8, 0.8, 8), np.linspace(-0.3, 0.3, 4)), axis=-1).reshape(-1, 2)
+    table = AirTable(places, rng.uniform(-1.0, 1.0, places.shape), 0.03)
+    alone = copy.deepcopy(table)
+    expected = [alone.step(0.01).tobytes() for _ in range(200)]
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(lambda _: table.step(0.01).tobytes(), range(200)))
+    assert sorted(found) == sorted(expected) and any(expected)
+    assert same(table.positions, alone.positions) and table.time == alone.time
 
 
 # Forks

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airhockey_env.checks import check_number
-from airhockey_env.files import pairs_once, read_arrays, replace
+from airhockey_env.files import parse_json, read_arrays, replace
 from airhockey_env.game import CONTROL_HZ
 from airhockey_env.spaces import DIRECTIONS
 
@@ -76,7 +76,7 @@ class Replay:
         """
         try:
             arrays = read_arrays(path, "RecordReplay", ("replay", *_ARRAYS), MOST_BYTES)
-            notes = json.loads(str(arrays["replay"]), object_pairs_hook=pairs_once)
+            notes = parse_json(str(arrays["replay"]))
             if notes["format"] != FORMAT:
                 raise ValueError(f"it is of format {notes['format']!r}, and this version reads format {FORMAT}")
             given = {**{name: notes[name] for name in _NOTES}, **{name: arrays[name] for name in _ARRAYS}}
