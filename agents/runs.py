@@ -298,7 +298,7 @@ def load_buffer(buffer: Any, path: Path) -> None:
     """
     names = [name for name in BUFFER_ARRAYS if hasattr(buffer, name)]
     try:
-        most = sum(getattr(buffer, name).nbytes for name in names) + 2**10
+        most = sum(getattr(buffer, name).nbytes for name in names) + 2**14  # and their headers
         kept = read_arrays(path, "a training run", ("position", "full", *names), most)
         position, full = int(kept["position"]), bool(kept["full"])
         size = buffer.buffer_size if full else position

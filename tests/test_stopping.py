@@ -21,9 +21,9 @@ from stable_baselines3.common.callbacks import BaseCallback
 from agents import algorithms, ppo, runs
 from agents.algorithms import AlgorithmArgs
 from agents.files import replace_together
-from agents.models import load_ppo
 from agents.ppo import TrainArgs
 from agents.runs import RunFolder, check_name
+from agents.sb3_files import read_model
 from agents.self_play import SelfPlayArgs
 from agents.stopping import Stop, Stopped, stopping
 from tests.test_scripts import start
@@ -74,7 +74,7 @@ def running(script: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
 
 
 def steps_of(folder: Path) -> int:
-    return load_ppo(folder / "model.zip").num_timesteps
+    return read_model(folder / "model.zip").data["num_timesteps"]
 
 
 @needs_signals

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import re
 
 import numpy as np
 import pytest
@@ -60,7 +59,7 @@ def test_every_field_is_covered_here():
 @pytest.mark.parametrize("name", FIELDS)
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, None, "1", True, np.True_, [1.0], 1j], ids=repr)
 def test_a_field_must_be_a_finite_number(name, value):
-    with pytest.raises(ValueError, match=rf"^{name} must be a finite number, got {re.escape(repr(value))}$"):
+    with pytest.raises(ValueError, match=f"^{name} must be a finite number"):
         dataclasses.replace(FULL_SIZE, **{name: value})
 
 
