@@ -28,11 +28,11 @@ SOLO_TASKS = tuple(name for name, task in TASKS.items() if task.opponent == "idl
 """Tasks without an opponent who plays, in which an episode succeeds or fails."""
 
 CONTROL_HZ, MAX_EPISODE_STEPS = 50, 1500
-"""Of the registered environment."""
+"""The control rate and the time limit of the registered environment."""
 
 TABLES_AT_ONCE = 4096
 PICTURE_TABLES_AT_ONCE = 512
-"""Of players who see pictures: three stacked ones of a table take 64 kB, and are copied."""
+"""Fewer tables for players who see pictures: three stacked pictures of a table take 64 kB, and are copied."""
 
 
 @dataclass(frozen=True)

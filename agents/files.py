@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 from airhockey_env.files import parse_json, replace
 
 MOST_BYTES = 64 * 2**20
-"""Of a JSON file: a run's records of a hundred thousand updates have a third of it."""
+"""The greatest size of a JSON file. A run's records of a hundred thousand updates take a third of it."""
 
 
 class Checked(Protocol):

@@ -25,7 +25,7 @@ PRIOR = 0.5
 It keeps ratings finite where somebody wins everything, and is nothing beside hundreds of points."""
 
 SAMPLES = 1000
-"""Of the ratings, for the intervals."""
+"""Samples of the ratings, from which the intervals are taken."""
 
 
 @dataclass(frozen=True)

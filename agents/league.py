@@ -32,7 +32,7 @@ WINDOW = 400
 """Points over which a member's record is averaged."""
 
 LEAST_PRIORITY = 0.02
-"""Of a member that always loses, 1 being one that always wins: a record has to stay fresh."""
+"""The priority of a member that always loses (1 is that of one that always wins): its record has to stay fresh."""
 
 LATEST = "latest self"
 

@@ -29,7 +29,7 @@ REACTED = 0.1
 
 @dataclass(frozen=True)
 class Share:
-    """So many of so many."""
+    """A count out of a total."""
 
     count: int
     of: int
@@ -106,7 +106,7 @@ class Card:
         return self.zone + self.possession
 
     def per_hour(self, count: int) -> float:
-        """So many in an hour of play."""
+        """A count as a rate per hour of play."""
         return count / self.seconds * 3600.0
 
     def as_dict(self) -> dict[str, Any]:

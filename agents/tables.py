@@ -9,7 +9,7 @@ GAP = 2
 """Between two columns."""
 
 LONGEST_WORD = 24
-"""Of a text column; longer ones, paths say, are folded."""
+"""Letters of the longest word that a text column keeps whole; longer ones, such as paths, are folded."""
 
 
 def print_table(title: str, cells: Sequence[Sequence[str]], names: int = 0) -> None:
@@ -60,7 +60,7 @@ def _parts(columns: Sequence[Sequence[str]], texts: Sequence[bool], width: int) 
 
 
 def _widths(columns: Sequence[Sequence[str]], texts: Sequence[bool], width: int) -> list[int]:
-    """Of all columns: their least, and what is left goes to those that lack most."""
+    """The widths of all columns: the least that each needs, and what is left goes to those that lack most."""
     widths = [_least(column, text) for column, text in zip(columns, texts, strict=True)]
     for _ in range(width - sum(widths) - GAP * (len(widths) - 1)):
         lacks = [max(map(len, column)) - now for column, now in zip(columns, widths, strict=True)]

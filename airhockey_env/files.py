@@ -16,7 +16,7 @@ from typing import Any
 from numpy.lib import format as npy
 
 _READERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
-"""Of the headers of arrays; the later one is for records of very many fields."""
+"""Readers of the headers of arrays, by version; the later version is for records of very many fields."""
 
 MOST_VALUES = 10**6
 """In JSON."""

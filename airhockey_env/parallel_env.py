@@ -115,7 +115,7 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
     }
 
     np_random: np.random.Generator
-    """Of wrappers that draw, such as SuperSuit's `frame_skip_v0`. The game's random stream is not this one."""
+    """A generator for wrappers that draw, such as SuperSuit's `frame_skip_v0`; the game has a stream of its own."""
 
     def __init__(
         self,

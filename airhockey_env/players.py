@@ -18,7 +18,7 @@ from airhockey_env.records import OBSERVATION_SIZE
 from airhockey_env.trained import TRAINED, resolved
 
 NAMES = (*SCRIPTED, *TRAINED)
-"""Of opponents."""
+"""The names of opponents."""
 
 Policy = Callable[[NDArray[np.float32]], ArrayLike]
 """An opponent from outside: float32 observations (N, 13), seen from its own side, to actions (N, 2)."""

@@ -23,7 +23,7 @@ from airhockey_env.spaces import DIRECTIONS
 ACTIVATIONS = ("tanh", "relu")
 
 MOST_BYTES = 64 * 2**20
-"""Of a file, unpacked: sixteen million weights."""
+"""The greatest size of an unpacked file: sixteen million weights."""
 
 # A rational function that is tanh to float32's precision: the coefficients of Eigen's `ptanh` (MathFunctionsImpl.h).
 _TANH_END = np.float32(7.90531110763549805)

@@ -48,12 +48,12 @@ class TableView:
 
     @property
     def observation_space(self) -> Space[Any]:
-        """Of this table's observations."""
+        """The space of this table's observations."""
         return self._batch._spaces_of_a_table()[0]
 
     @property
     def action_space(self) -> Space[Any]:
-        """Of this table's actions."""
+        """The space of this table's actions."""
         return self._batch._spaces_of_a_table()[1]
 
     @property

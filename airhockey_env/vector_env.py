@@ -193,7 +193,7 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
                 self._films[row].append(super()._render_row(row))
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
-        """Of every table, an attribute, or what a method returns for these arguments; as `SyncVectorEnv.call`.
+        """An attribute of every table, or what a method returns for these arguments, as `SyncVectorEnv.call` gives it.
 
         A table has what is its own of an `AirHockeyEnv`, such as `positions`, `table` or `get_state`; see
         `airhockey_env.table_view.TableView`.

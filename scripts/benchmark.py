@@ -42,7 +42,7 @@ class BenchmarkArgs:
     rounds: Count = 5
     """Rounds of every measurement."""
     seconds: float = 0.2
-    """Of one measurement, about."""
+    """Approximate length of one measurement."""
     only: Literal["batch", "c_flags", "single", "options", "pucks", "start", "training"] | None = None
     """One part alone."""
     quick: bool = False

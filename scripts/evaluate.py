@@ -33,7 +33,7 @@ class EvaluateArgs:
     """0 to 1."""
     table: Annotated[str, tyro.conf.arg(help=TABLE_HELP)] = "full_size"
     seed: int = 0
-    """Of the serves."""
+    """Seed of the serves."""
     trust: Annotated[bool, tyro.conf.arg(help=TRUST_HELP)] = False
     json: Path | None = None
     """Write the results to this file too."""

@@ -32,10 +32,10 @@ class LadderArgs:
     only: bool = False
     """Leave out the named opponents that are not given."""
     points: Count = 2000
-    """Of each pair."""
+    """Points that each pair plays."""
     table: Annotated[str, tyro.conf.arg(help=TABLE_HELP)] = "full_size"
     seed: int = 0
-    """Of the serves."""
+    """Seed of the serves."""
     trust: Annotated[bool, tyro.conf.arg(help=TRUST_HELP)] = False
     json: Path | None = None
     """Write ratings and matches to this file too."""

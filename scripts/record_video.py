@@ -42,7 +42,7 @@ class RecordArgs:
     out: Path = Path("video.mp4")
     """File to write: .mp4 or .gif."""
     seconds: float | None = None
-    """Of play; by default 20, or all of a replay."""
+    """Seconds of play to film. Default: 20, or all of a replay."""
     fps: int = 25
     """Pictures for a second, 1 to 50; of a replay at most one of every step."""
     width: int = 640
@@ -51,7 +51,7 @@ class RecordArgs:
     """px."""
     table: Annotated[str, tyro.conf.arg(help=TABLE_HELP)] = "full_size"
     seed: int = 0
-    """Of the serves."""
+    """Seed of the serves."""
     trust: Annotated[bool, tyro.conf.arg(help=TRUST_HELP)] = False
 
 

@@ -28,12 +28,12 @@ class ScorecardArgs:
     opponent: str = "striker"
     """A player as above."""
     points: Count = 2000
-    """Against the opponent."""
+    """Points played against the opponent."""
     episodes: Count = 4000
-    """Of each task."""
+    """Episodes of each task."""
     table: Annotated[str, tyro.conf.arg(help=TABLE_HELP)] = "full_size"
     seed: int = 0
-    """Of the serves and tasks."""
+    """Seed of the serves and of the tasks."""
     trust: Annotated[bool, tyro.conf.arg(help=TRUST_HELP)] = False
     json: Path | None = None
     """Write the card to this file too."""

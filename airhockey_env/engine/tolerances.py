@@ -23,7 +23,7 @@ COLLAPSE_TIME = 1e-3
 """s. A disc's contacts that follow each other faster than this may be those of a collapsing cluster: see `cluster`."""
 
 COLLAPSE_CONTACTS = 8
-"""So many of them in a row are a collapse if the restitution is 0; the higher it is, the more:"""
+"""Contacts in a row that count as a collapse at restitution 0. A higher restitution needs more:"""
 
 COLLAPSE_SHARE = 1e-3
 """as many more as would take a speed to this share of itself."""

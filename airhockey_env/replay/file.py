@@ -18,10 +18,10 @@ from airhockey_env.game import CONTROL_HZ
 from airhockey_env.spaces import DIRECTIONS
 
 FORMAT = 1
-"""Of the files."""
+"""The version of the files' format."""
 
 MOST_BYTES = 256 * 2**20
-"""Of a file, unpacked: a week of play at 50 Hz."""
+"""The greatest size of an unpacked file: a week of play at 50 Hz."""
 
 _NOTES = ("version", "fingerprint", "id", "arguments", "seeds")
 _ARRAYS = ("starts", "states", "ends", "actions", "others")
@@ -55,7 +55,7 @@ class Replay:
 
     @property
     def seconds(self) -> float:
-        """Of play."""
+        """Seconds of play."""
         return len(self) / self.control_hz
 
     def save(self, path: str | Path) -> None:

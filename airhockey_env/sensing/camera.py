@@ -41,7 +41,7 @@ class Camera:
     noise_mm: float = 0.0
     """Standard deviation of the puck's seen x and y in each frame, Gaussian, 0 to 100 mm."""
     opponent_noise_mm: float = 0.0
-    """Likewise of the opponent's paddle."""
+    """Standard deviation of the opponent's paddle's seen x and y in each frame, Gaussian, 0 to 100 mm."""
     velocity_frames: int | None = None
     """Frames from which velocities are estimated, 2 to 64: the slope of the least-squares line through the last
     seen positions over the times of their frames. 2 is the plain finite difference; more frames filter the noise and

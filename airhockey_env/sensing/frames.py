@@ -61,7 +61,7 @@ QUEUE_COLUMNS = STATES + 8
 OTHER, THE_PUCK = range(2)
 DISCS = 2
 FIRST_COLUMN = 4
-"""Of the observation: the opponent's paddle's, then the puck's."""
+"""The first column of the observation that a camera sees: the opponent's paddle's come first, then the puck's."""
 
 MOMENT = 1e-9
 """Steps: differences in time that are rounding."""

@@ -23,7 +23,7 @@ from airhockey_env.files import replace
 from airhockey_env.tables import TableSpec
 
 FORMAT = 1
-"""Of the files."""
+"""The version of the files' format."""
 
 _PATTERN = {
     "format": COUNT,

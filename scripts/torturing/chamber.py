@@ -21,9 +21,9 @@ from scripts.torturing.trial import NOT_AGAIN, Trial, law_of
 
 PLACES = tuple((name, rate) for name in TABLES for rate in RATES)
 HOSTILE_STEPS = 100_000
-"""Of a bout's hostile play."""
+"""Steps of hostile play in a bout."""
 TRIALS, OPERATIONS = 4, 60
-"""Of a bout, and of a trial."""
+"""Trials in a bout, and operations in a trial."""
 REPEAT = 8
 """Every so manyth bout plays its hostile part twice, which must come to the same bits."""
 
@@ -34,7 +34,7 @@ class Tally:
 
     bouts: int = 0
     hostile_steps: int = 0
-    """Of hostile play, a step of one table each."""
+    """Steps of hostile play, each a step of one table."""
     trials: int = 0
     trial_steps: int = 0
     operations: int = 0
@@ -43,7 +43,7 @@ class Tally:
     worst: float = -np.inf
     """m, the deepest overlap."""
     counts: list[int] = field(default_factory=lambda: [0] * 6)
-    """Of hostile play: contacts with paddles and with edges, crowded steps, pinned pucks, points, tables drawn."""
+    """What hostile play met: contacts with paddles, with edges, crowded steps, pinned pucks, points, tables drawn."""
     cases: list[Case] = field(default_factory=list)
     files: list[Path] = field(default_factory=list)
 

@@ -31,7 +31,7 @@ WEIRD: tuple[Any, ...] = (
 BAD_SEEDS: tuple[Any, ...] = (-1, 1.5, NAN, "1", True, [], {}, -(2**70))
 PLAYERS = (*SCRIPTED, *OPPONENTS)
 PURSUE, FLEE, ACROSS, JITTER, AHEAD, HUGE, WANDER, STYLES = range(8)
-"""Of playing: see `draw_actions`."""
+"""Styles of play: see `draw_actions`."""
 
 
 def pick(rng: np.random.Generator, values: Any) -> Any:

@@ -50,7 +50,7 @@ class SingleFace:
         return [self.env.observe()]
 
     def pictures(self) -> Sequence[Any]:
-        """Of all tables."""
+        """Pictures of all tables."""
         return [self.env.render()]
 
 
