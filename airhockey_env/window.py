@@ -18,12 +18,15 @@ UNSEEN = ("offscreen", "dummy", "evdev")
 
 
 def import_pygame() -> Any:
-    """The module pygame, without its greeting.
+    """The module pygame, without its greeting, and without SDL's signal handlers.
+
+    Those turn SIGTERM into an event of the window, so that a process which has ever had one could not be ended by it.
 
     Raises:
         DependencyNotInstalled: pygame-ce is missing.
     """
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    os.environ.setdefault("SDL_NO_SIGNAL_HANDLERS", "1")
     try:
         return importlib.import_module("pygame")
     except ImportError as error:

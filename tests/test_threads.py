@@ -251,6 +251,28 @@ def test_ctrl_c_in_the_middle_of_a_step_is_a_keyboard_interrupt(n: int) -> None:
     assert result.stdout.split() == ["played", "on"], result.stderr
 
 
+TERMINATE = """
+import os, signal
+import gymnasium as gym
+import airhockey_env
+
+env = gym.make("AirHockey-v0", render_mode="human")
+env.reset(seed=0)
+env.step(env.action_space.sample())
+os.kill(os.getpid(), signal.SIGTERM)
+for _ in range(5):
+    env.step(env.action_space.sample())
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs signals of POSIX")
+def test_sigterm_ends_a_process_that_has_a_window() -> None:
+    """Regression: SDL made an event of the window out of it."""
+    screen = {**os.environ, "SDL_VIDEODRIVER": "dummy"}
+    result = subprocess.run([sys.executable, "-c", TERMINATE], capture_output=True, env=screen, timeout=300)
+    assert result.returncode == -signal.SIGTERM, result.stderr
+
+
 def test_ctrl_c_while_another_thread_works_waits_for_it() -> None:
     """The rows may not be touched before: a signal is sent while the caller waits for the other part."""
     caller_is_done, told = threading.Event(), threading.Event()
