@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from agents.models import Player, join, seated
 from agents.seeding import table_seeds
-from airhockey_env.face import draw_row
+from airhockey_env._base import draw_row
+from airhockey_env.drawing.render import Renderer
 from airhockey_env.files import replace
 from airhockey_env.game import Game
-from airhockey_env.records import AUTORESET_NEXT_STEP
-from airhockey_env.render import Renderer
-from airhockey_env.tasks import TASKS
+from airhockey_env.kernel.state import AUTORESET_NEXT_STEP
+from airhockey_env.kernel.tasks import TASKS
 
 SUFFIXES = (".gif", ".mp4")
 

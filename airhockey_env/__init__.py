@@ -4,12 +4,13 @@ import gymnasium
 
 from airhockey_env.air_table import AirTable
 from airhockey_env.env import AirHockeyEnv
+from airhockey_env.kernel.tasks import TASKS
+from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.tables import PRESETS, TableSpec
-from airhockey_env.tasks import TASKS
 from airhockey_env.vector_env import AirHockeyVectorEnv
 from airhockey_env.version import __version__
 
-__all__ = ["PRESETS", "AirHockeyEnv", "AirHockeyVectorEnv", "AirTable", "TableSpec", "__version__"]
+__all__ = ["PRESETS", "AirHockeyEnv", "AirHockeyVectorEnv", "AirTable", "MlpPolicy", "TableSpec", "__version__"]
 
 for _id, _task in (
     ("AirHockey-v0", "point"),

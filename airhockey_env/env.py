@@ -8,10 +8,10 @@ from typing import Any
 import gymnasium as gym
 from numpy.typing import NDArray
 
+from airhockey_env._base import TableFace
 from airhockey_env.checks import NO_LIMIT, check_number, check_seed
-from airhockey_env.face import TableFace
 from airhockey_env.game import Game
-from airhockey_env.players import Opponent, check_opponent
+from airhockey_env.opponents.players import Opponent, check_opponent
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.tables import TableSpec
 from airhockey_env.threads import one_at_a_time
@@ -73,7 +73,7 @@ class AirHockeyEnv(TableFace, gym.Env):
     `reward="sparse"`: +1 for every goal, -1 for every goal against, else 0; so a shot that was kept out, or one that
     missed, earns 0. `reward="shaped"`: that, plus
     0.99 * potential(after) - potential(before), a potential-based term that leaves the best policy for a discount of
-    0.99 what it was; see `airhockey_env.rewards`.
+    0.99 what it was; see `airhockey_env.kernel.rewards`.
 
     ## Starting state
     Point, match: paddles rest at home, 80 % of the way from the centre to the end walls. The puck rests on a random

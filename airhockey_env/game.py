@@ -10,7 +10,6 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from airhockey_env import kernel
 from airhockey_env.checks import (
     NO_LIMIT,
     check_directions,
@@ -22,24 +21,12 @@ from airhockey_env.checks import (
     check_whole,
 )
 from airhockey_env.compiled import machine_code, records
+from airhockey_env.drawing.pixels import CHANNELS, Pixels
 from airhockey_env.engine.records import CONTACT
-from airhockey_env.opponents import EXTERNAL
-from airhockey_env.physics import FIELDS, check_ranges, physics_record, spec_of, with_spec
-from airhockey_env.pixels import CHANNELS, Pixels
-from airhockey_env.players import (
-    Group,
-    Opponent,
-    Policy,
-    answers_of,
-    check_opponent,
-    groups_of,
-    member_of,
-    number_of,
-    pool_of,
-    scripted,
-)
-from airhockey_env.random_stream import stream_from_seed
-from airhockey_env.records import (
+from airhockey_env.kernel.parameters import FIELDS, check_ranges, physics_record, spec_of, with_spec
+from airhockey_env.kernel.random_stream import stream_from_seed
+from airhockey_env.kernel.scripted import EXTERNAL
+from airhockey_env.kernel.state import (
     AUTORESET_DISABLED,
     CONTACT_ROWS,
     HOME,
@@ -51,9 +38,22 @@ from airhockey_env.records import (
     SETTINGS,
     TABLE,
 )
+from airhockey_env.kernel.step import refresh_rows, reset_rows, step_rows
+from airhockey_env.kernel.tasks import TASKS
+from airhockey_env.opponents.players import (
+    Group,
+    Opponent,
+    Policy,
+    answers_of,
+    check_opponent,
+    groups_of,
+    member_of,
+    number_of,
+    pool_of,
+    scripted,
+)
 from airhockey_env.reset_options import SERVERS, ResetOptions, check_reset_options
 from airhockey_env.tables import TableSpec, resolve_table
-from airhockey_env.tasks import TASKS
 from airhockey_env.threads import Threads
 
 REWARDS = ("sparse", "shaped")
@@ -92,7 +92,7 @@ class Outputs(NamedTuple):
 
 
 _step_code: list[Callable[..., None]] = []
-"""The machine code of `kernel.step_rows`, once it is needed: its arguments are of the same types in every game."""
+"""The machine code of `step_rows`, once it is needed: its arguments are of the same types in every game."""
 
 
 class Game:
@@ -214,7 +214,7 @@ class Game:
         rows = self._all_rows if rows is None else rows
         options = options or ResetOptions()
         sides = np.full(len(rows), SERVERS[options.serve], np.int64)
-        kernel.reset_rows(rows, sides, self.tables, self.physics, self.settings, self.ranges, self.out)
+        reset_rows(rows, sides, self.tables, self.physics, self.settings, self.ranges, self.out)
         if options.puck_position is not None:
             self.tables["position"][rows, PUCK] = options.puck_position
             self.tables["position"][rows, LEFT] = -0.5 * HOME * self.spec.length, 0.0
@@ -225,7 +225,7 @@ class Game:
             share = np.minimum(1.0, self.physics["puck_speed"][rows] / speed) if self.randomized else 1.0
             self.tables["velocity"][rows, PUCK] = np.multiply.outer(share, options.puck_velocity)
         if options.puck_position is not None or options.puck_velocity is not None:
-            kernel.refresh_rows(rows, self.tables, self.physics, self.settings, self.out)
+            refresh_rows(rows, self.tables, self.physics, self.settings, self.out)
         self._note_begun()
 
     def table_of(self, i: int) -> TableSpec:
@@ -440,7 +440,7 @@ class Game:
         else:
             self.tables["player"][chosen, RIGHT] = self._numbers[places]
         self._note_begun()
-        kernel.refresh_rows(chosen, self.tables, self.physics, self.settings, self.out)
+        refresh_rows(chosen, self.tables, self.physics, self.settings, self.out)
         out = self.out  # nothing has happened yet in this state
         out.n_contacts[chosen], out.point[chosen], out.foul[chosen], out.success[chosen] = 0, 0, False, False
 
@@ -453,7 +453,7 @@ class Game:
     def _step_rows(self, first: int, last: int, targets: NDArray[np.float32], others: NDArray[np.float32]) -> None:
         fixed = (self.tables, self.physics, self.settings, self.ranges)
         if not _step_code:
-            _step_code.append(machine_code(kernel.step_rows, first, last, *fixed, self._others, self._others, self.out))
+            _step_code.append(machine_code(step_rows, first, last, *fixed, self._others, self._others, self.out))
         _step_code[0](first, last, *fixed, targets, others, self.out)
 
     def _seat(self, rows: NDArray[np.int64]) -> None:
@@ -474,7 +474,7 @@ class Game:
             playing = np.flatnonzero(self.tables["side"])
             if not len(playing):
                 return
-            kernel.refresh_rows(playing, self.tables, self.physics, self.settings, self.out)
+            refresh_rows(playing, self.tables, self.physics, self.settings, self.out)
 
     def _ask(self) -> NDArray[np.float32]:
         """The actions of the opponents from outside."""

@@ -11,8 +11,8 @@ from gymnasium.error import DependencyNotInstalled, ResetNeeded
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
+from airhockey_env._base import TableFace
 from airhockey_env.checks import check_limit, check_seed
-from airhockey_env.face import TableFace
 from airhockey_env.game import Game
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.tables import TableSpec
@@ -72,7 +72,7 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
     `reward="sparse"`: +1 for a goal, -1 for a goal against, else 0: a zero-sum game. `reward="shaped"`: that, plus
     0.99 * potential(after) - potential(before) for each agent, each with the potential from its own side (which
     counts its own paddle, so the terms of the two do not cancel out); it leaves the best policy for a discount of 0.99
-    what it was. See `airhockey_env.rewards`.
+    what it was. See `airhockey_env.kernel.rewards`.
 
     ## Starting state and rules
     As in `AirHockeyEnv`, options of `reset` included.

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from airhockey_env.checks import check_pair
 from airhockey_env.engine.tolerances import OVERLAP
-from airhockey_env.records import HOME
+from airhockey_env.kernel.state import HOME
+from airhockey_env.kernel.tasks import right_start
 from airhockey_env.tables import TableSpec
-from airhockey_env.tasks import right_start
 
 SERVERS = {"random": 0, "left": -1, "right": 1}
 

@@ -11,12 +11,12 @@ from gymnasium import spaces
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import ArrayLike, NDArray
 
+from airhockey_env._base import BatchFace
 from airhockey_env.checks import check_seed
-from airhockey_env.face import BatchFace
 from airhockey_env.game import Game
-from airhockey_env.players import Opponent, check_opponent
-from airhockey_env.pool import OpponentPool
-from airhockey_env.records import AUTORESET_SAME_STEP
+from airhockey_env.kernel.state import AUTORESET_SAME_STEP
+from airhockey_env.opponents.players import Opponent, check_opponent
+from airhockey_env.opponents.pool import OpponentPool
 from airhockey_env.reset_options import ResetOptions
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.table_view import of_tables, set_of_tables

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from gymnasium import spaces
 
-from airhockey_env.pixels import CHANNELS, SIZE
-from airhockey_env.records import OBSERVATION_SIZE
+from airhockey_env.drawing.pixels import CHANNELS, SIZE
+from airhockey_env.kernel.state import OBSERVATION_SIZE
 
 DIRECTIONS = np.array(
     [[0, 0], [1, 0], [math.sqrt(0.5), math.sqrt(0.5)], [0, 1], [-math.sqrt(0.5), math.sqrt(0.5)],

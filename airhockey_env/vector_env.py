@@ -11,13 +11,13 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
+from airhockey_env._base import BatchFace, warn_of_no_render_mode
 from airhockey_env.checks import check_seed
-from airhockey_env.face import BatchFace, warn_of_no_render_mode
 from airhockey_env.final_observations import FinalObservations
 from airhockey_env.game import Game
-from airhockey_env.players import Opponent, check_opponent
-from airhockey_env.pool import OpponentPool
-from airhockey_env.records import AUTORESET_DISABLED, AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP
+from airhockey_env.kernel.state import AUTORESET_DISABLED, AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP
+from airhockey_env.opponents.players import Opponent, check_opponent
+from airhockey_env.opponents.pool import OpponentPool
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.table_view import of_tables, set_of_tables
 from airhockey_env.tables import TableSpec

@@ -10,7 +10,7 @@ from typing import TypeVar
 import tyro
 from gymnasium.error import DependencyNotInstalled
 
-from agents.checks import check_resumed
+from agents.options import check_resumed
 
 Args = TypeVar("Args")
 

@@ -14,15 +14,15 @@ import numpy as np
 from rich.progress import track
 
 import airhockey_env
-from agents.checks import check_output
 from agents.counts import Count
 from agents.files import write_json
+from agents.options import check_output
 from agents.tables import print_table
+from benchmarks import page
+from benchmarks.speed import batch, c_flags, options, pucks, single, start, training
+from benchmarks.speed.measure import Effort
+from benchmarks.style import check_matplotlib
 from scripts._command import run_command
-from scripts.bench import batch, c_flags, options, pucks, single, start, training
-from scripts.bench.measure import Effort
-from scripts.kiss import page
-from scripts.kiss.style import check_matplotlib
 
 PARTS: dict[str, ModuleType] = {
     "batch": batch,
@@ -106,7 +106,7 @@ def benchmark(args: BenchmarkArgs) -> dict[str, Any]:
         if args.page is not None:
             page.write(args.page, page.insert(args.page.read_text(encoding="utf-8"), name, cells))
     if args.plot is not None:
-        from scripts.bench.plot import draw
+        from benchmarks.speed.plot import draw
 
         draw(results, args.plot)
     for note in notes:

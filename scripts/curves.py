@@ -8,8 +8,8 @@ from typing import Annotated
 
 import tyro
 
-from agents.checks import check_output
-from agents.curves import draw_curves, print_curves, read_runs
+from agents.options import check_output
+from agents.training.curves import draw_curves, print_curves, read_runs
 from scripts._command import run_command
 
 

@@ -8,12 +8,12 @@ from typing import Annotated
 
 import tyro
 
-from agents.checks import TABLE_HELP, check_output, check_ranges, check_table
 from agents.counts import Count
-from agents.evaluation import OPPONENTS, SOLO_TASKS, play_points, play_task
 from agents.files import write_json
+from agents.measuring.evaluation import OPPONENTS, SOLO_TASKS, play_points, play_task
 from agents.models import PLAYER_HELP, TRUST_HELP, load_player, short_name
-from agents.report import print_results, print_task_result
+from agents.options import TABLE_HELP, check_output, check_ranges, check_table
+from agents.training.report import print_results, print_task_result
 from scripts._command import run_command
 
 TASK_HELP = f"What is played: point, or {' or '.join(SOLO_TASKS)}, which have no opponent."

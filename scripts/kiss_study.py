@@ -11,11 +11,12 @@ from typing import Any, Literal
 import numpy as np
 
 import airhockey_env
-from agents.checks import check_output, make_folder
 from agents.files import write_json
+from agents.options import check_output, make_folder
+from benchmarks import page
+from benchmarks.kiss import engines, error, phases, picture, reversal
+from benchmarks.style import check_matplotlib
 from scripts._command import run_command
-from scripts.kiss import engines, error, page, phases, picture, reversal
-from scripts.kiss.style import check_matplotlib
 
 ROOT = Path(__file__).parents[1]
 PARTS: dict[str, ModuleType] = {

@@ -8,12 +8,12 @@ from typing import Annotated
 
 import tyro
 
-from agents.checks import TABLE_HELP, check_output, check_ranges, check_table
 from agents.counts import Count
 from agents.files import write_json
-from agents.ladder import ANCHOR, ANCHOR_RATING, PRIOR, find_players, play_ladder, rate
-from agents.ladder_report import draw_ladder, print_ladder
+from agents.measuring.ladder import ANCHOR, ANCHOR_RATING, PRIOR, find_players, play_ladder, rate
+from agents.measuring.ladder_report import draw_ladder, print_ladder
 from agents.models import PLAYER_HELP, TRUST_HELP
+from agents.options import TABLE_HELP, check_output, check_ranges, check_table
 from scripts._command import run_command
 
 PLAYERS_HELP = f"Who plays besides the named opponents or, with --only, without them: {PLAYER_HELP}"

@@ -9,14 +9,14 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
-from agents.checks import TABLE_HELP, check_ranges, check_table
 from agents.counts import Count
-from agents.live_match import START_PAUSE, LiveMatch
+from agents.human.live_match import START_PAUSE, LiveMatch
+from agents.human.sounds import Sounds
 from agents.models import PLAYER_HELP, TRUST_HELP, load_player, short_name
-from agents.sounds import Sounds
-from airhockey_env import raster
-from airhockey_env.render import LEFT, LEFT_LIGHT, RIGHT_LIGHT, ROOM, SMALLEST, WHITE, Color, Renderer
-from airhockey_env.window import Window, import_pygame
+from agents.options import TABLE_HELP, check_ranges, check_table
+from airhockey_env.drawing import raster
+from airhockey_env.drawing.render import LEFT, LEFT_LIGHT, RIGHT_LIGHT, ROOM, SMALLEST, WHITE, Color, Renderer
+from airhockey_env.drawing.window import Window, import_pygame
 from scripts._command import run_command
 
 QUIET_TEXT: Color = (134, 149, 181)

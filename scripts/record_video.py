@@ -14,12 +14,12 @@ import tyro
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from agents.checks import TABLE_HELP, check_ranges, check_table, not_default
-from agents.evaluation import SOLO_TASKS
+from agents.measuring.evaluation import SOLO_TASKS
 from agents.models import PLAYER_HELP, TRUST_HELP, load_player
+from agents.options import TABLE_HELP, check_ranges, check_table, not_default
 from agents.video import SUFFIXES, frames_of_play, write_video
+from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.replay import Replay, is_replay, play_back_frames
-from airhockey_env.tasks import TASKS
 from scripts._command import run_command
 
 TASK_HELP = (

@@ -8,12 +8,12 @@ from typing import Annotated
 
 import tyro
 
-from agents.checks import TABLE_HELP, check_output, check_ranges, check_table
 from agents.counts import Count
 from agents.files import write_json
+from agents.measuring.scorecard import measure
+from agents.measuring.scorecard_report import draw_card, print_card
 from agents.models import PLAYER_HELP, TRUST_HELP, load_player, short_name
-from agents.scorecard import measure
-from agents.scorecard_report import draw_card, print_card
+from agents.options import TABLE_HELP, check_output, check_ranges, check_table
 from scripts._command import run_command
 
 

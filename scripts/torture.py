@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from agents.checks import check_ranges
 from agents.counts import Count, OptionalCount
+from agents.options import check_ranges
 from scripts._command import run_command
 from scripts.torturing.cases import Case
 from scripts.torturing.hostile import play_hostile

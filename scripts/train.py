@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from agents.algorithms import AlgorithmArgs, own_args, train
+from agents.training.algorithms import AlgorithmArgs, own_args, train
 from scripts._command import run_command
 
 

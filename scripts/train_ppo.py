@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from agents.ppo import TrainArgs, own_args, train
+from agents.training.ppo import TrainArgs, own_args, train
 from scripts._command import run_command
 
 

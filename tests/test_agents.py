@@ -20,24 +20,24 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import airhockey_env  # noqa: F401  registers
-from agents import evaluation
-from agents.checks import check_ranges
 from agents.counts import read_count
-from agents.curves import print_curves
-from agents.evaluation import Result, TaskResult, play_points, play_task, wilson_interval
 from agents.features import relative_features
 from agents.files import read_json, write_json
-from agents.learning import ProgressBar
+from agents.measuring import evaluation
+from agents.measuring.evaluation import Result, TaskResult, play_points, play_task, wilson_interval
 from agents.models import export_policy, load_player
+from agents.options import check_ranges
 from agents.plots import from_zero, steps_unit, time_unit, with_interval
-from agents.ppo import Falling, Practice, TrainArgs, make_env, make_model
-from agents.report import draw_training, print_results
 from agents.seeding import table_seeds
+from agents.training.curves import print_curves
+from agents.training.learning import ProgressBar
+from agents.training.ppo import Falling, Practice, TrainArgs, make_env, make_model
+from agents.training.report import draw_training, print_results
 from airhockey_env.files import replace
-from airhockey_env.policy import MlpPolicy
+from airhockey_env.kernel.tasks import TASKS
+from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.spaces import DIRECTIONS
 from airhockey_env.tables import FULL_SIZE
-from airhockey_env.tasks import TASKS
 
 SMALL = TrainArgs(num_envs=4, n_steps=4, batch_size=8, net_width=16)
 

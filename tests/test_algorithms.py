@@ -21,12 +21,20 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecFrameStack, VecTransposeImage
 
-from agents import ppo
-from agents.algorithms import ALGORITHMS, HYPERPARAMS, AlgorithmArgs, make_env, make_model, read_hyperparameters, train
 from agents.features import SmallCnn
 from agents.models import export_policy
-from agents.runs import BUFFER_ARRAYS
-from airhockey_env.policy import MlpPolicy
+from agents.training import ppo
+from agents.training.algorithms import (
+    ALGORITHMS,
+    HYPERPARAMS,
+    AlgorithmArgs,
+    make_env,
+    make_model,
+    read_hyperparameters,
+    train,
+)
+from agents.training.runs import BUFFER_ARRAYS
+from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from scripts.train import main
 

@@ -13,7 +13,7 @@ import pytest
 from gymnasium.error import ResetNeeded
 
 from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv
-from airhockey_env.policy import MlpPolicy
+from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.replay import RecordReplay, Replay, play_back, play_back_frames
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.sensing import Camera

@@ -12,9 +12,9 @@ import pytest
 from gymnasium.error import DependencyNotInstalled
 
 from airhockey_env.game import Game
-from airhockey_env.records import AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP, CONTACT_ROWS
-from benchmarks import build
-from benchmarks.reference import OUTPUTS, STATE, CGame, library
+from airhockey_env.kernel.state import AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP, CONTACT_ROWS
+from benchmarks.speed import build
+from benchmarks.speed.reference import OUTPUTS, STATE, CGame, library
 
 COMPILERS = build.compilers()
 TABLES, STEPS = 128, 300

@@ -15,9 +15,9 @@ from stable_baselines3.common.env_checker import check_env as check_for_sb3
 
 from airhockey_env import PRESETS, AirHockeyEnv
 from airhockey_env.game import OBS_TYPES
-from airhockey_env.opponents import SCRIPTED
+from airhockey_env.kernel.scripted import SCRIPTED
+from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.tables import FULL_SIZE
-from airhockey_env.tasks import TASKS
 from tests.faces import IDS, pursue, shown
 
 pytestmark = [pytest.mark.filterwarnings("error")]

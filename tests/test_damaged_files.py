@@ -19,16 +19,16 @@ import pytest
 from stable_baselines3 import PPO
 
 import airhockey_env  # noqa: F401  registers
-from agents.algorithms import read_hyperparameters
-from agents.curves import read_runs
 from agents.files import read_arguments, read_json
-from agents.league import League
 from agents.models import load_player
-from agents.ppo import TrainArgs
-from agents.runs import HISTORY
 from agents.sb3_files import read_model
-from agents.self_play import SelfPlayArgs
-from airhockey_env.policy import MlpPolicy
+from agents.training.algorithms import read_hyperparameters
+from agents.training.curves import read_runs
+from agents.training.league import League
+from agents.training.ppo import TrainArgs
+from agents.training.runs import HISTORY
+from agents.training.self_play import SelfPlayArgs
+from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.replay import RecordReplay, Replay, play_back
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from scripts.torturing.cases import Case
@@ -298,7 +298,7 @@ def test_names_that_stand_twice(name: str, read: Read, spoilt: Path) -> None:
 
 
 @pytest.mark.parametrize(("module", "name", "read"), [
-    ("airhockey_env.policy", "policy.npz", MlpPolicy.load),
+    ("airhockey_env.opponents.policy", "policy.npz", MlpPolicy.load),
     ("airhockey_env.replay.file", "game.npz", Replay.load),
     ("agents.sb3_files", "model.zip", read_model),
 ])  # fmt: skip

@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 
 from airhockey_env import AirHockeyEnv
+from airhockey_env.kernel.tasks import TASKS
+from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.parallel_env import AirHockeyParallelEnv
-from airhockey_env.policy import MlpPolicy
-from airhockey_env.tasks import TASKS
 from tests.faces import IDS
 
 ROOT = Path(__file__).parents[1]

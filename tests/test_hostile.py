@@ -9,8 +9,8 @@ import pytest
 
 from airhockey_env.engine.records import CONTACT
 from airhockey_env.game import Game
-from airhockey_env.physics import FIELDS, check_ranges
-from airhockey_env.records import CONTACT_ROWS, LEFT, OBSERVATION_SIZE, PUCK, RIGHT
+from airhockey_env.kernel.parameters import FIELDS, check_ranges
+from airhockey_env.kernel.state import CONTACT_ROWS, LEFT, OBSERVATION_SIZE, PUCK, RIGHT
 from airhockey_env.tables import FULL_SIZE
 from scripts.torturing import hostile, laws, tables
 

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from stable_baselines3.common.callbacks import BaseCallback
 
-from agents import algorithms, ppo
-from agents.evaluation import play_points, play_task
-from agents.learning import seed_learning
-from agents.ppo import TrainArgs, make_env, make_model
+from agents.measuring.evaluation import play_points, play_task
 from agents.seeding import PURPOSES, table_seeds
+from agents.training import algorithms, ppo
+from agents.training.learning import seed_learning
+from agents.training.ppo import TrainArgs, make_env, make_model
 from airhockey_env.game import Game
-from airhockey_env.random_stream import stream_from_seed
+from airhockey_env.kernel.random_stream import stream_from_seed
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 
 SMALL = TrainArgs(num_envs=6, n_steps=4, batch_size=8, net_width=8)

@@ -11,8 +11,8 @@ from gymnasium.vector import AutoresetMode
 
 from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv
 from airhockey_env.engine.records import CONTACT
+from airhockey_env.kernel.state import CONTACT_ROWS, PUCK
 from airhockey_env.parallel_env import AirHockeyParallelEnv
-from airhockey_env.records import CONTACT_ROWS, PUCK
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import PRESETS
 from tests.faces import COPIES, IDS, random_actions, same

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scripts.kiss import engines, page, picture, reversal
-from scripts.kiss.scenes import METHODS, RADIUS, REACH, Scene, crowd, exact_angle, shot, struck
+from benchmarks import page
+from benchmarks.kiss import engines, picture, reversal
+from benchmarks.kiss.scenes import METHODS, RADIUS, REACH, Scene, crowd, exact_angle, shot, struck
 from scripts.kiss_study import PARTS, KissStudyArgs, kiss_study, main
 
 ROOT = Path(__file__).parents[1]
@@ -177,8 +178,8 @@ def test_without_the_other_engines_the_rest_is_done(
     for module in ("Box2D", "pymunk", "mujoco"):
         monkeypatch.setitem(sys.modules, module, None)
     for module in engines.PEERS.values():
-        monkeypatch.delitem(sys.modules, f"scripts.kiss.{module}", raising=False)
-        monkeypatch.delattr(import_module("scripts.kiss"), module, raising=False)
+        monkeypatch.delitem(sys.modules, f"benchmarks.kiss.{module}", raising=False)
+        monkeypatch.delattr(import_module("benchmarks.kiss"), module, raising=False)
     kiss_study(KissStudyArgs(out=tmp_path, quick=True, only="engines"))
     printed = capsys.readouterr().out
     assert printed.count('pip install -e ".[study]"') == 3 and "engines is skipped" in printed

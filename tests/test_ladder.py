@@ -9,10 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents import ladder
-from agents.evaluation import OPPONENTS, Result, play_points
-from agents.ladder import ANCHOR, ANCHOR_RATING, Match, cross_table, expected_scores, find_players, play_ladder, rate
-from airhockey_env.policy import MlpPolicy
+from agents.measuring import ladder
+from agents.measuring.evaluation import OPPONENTS, Result, play_points
+from agents.measuring.ladder import (
+    ANCHOR,
+    ANCHOR_RATING,
+    Match,
+    cross_table,
+    expected_scores,
+    find_players,
+    play_ladder,
+    rate,
+)
+from airhockey_env.opponents.policy import MlpPolicy
 from tests import test_scripts
 from tests.test_scripts import Call
 

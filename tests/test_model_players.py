@@ -10,12 +10,12 @@ import pytest
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecTransposeImage
 
-from agents.algorithms import HYPERPARAMS, AlgorithmArgs, train
-from agents.evaluation import play_points, play_task
-from agents.live_match import START_PAUSE, LiveMatch
+from agents.human.live_match import START_PAUSE, LiveMatch
+from agents.measuring.evaluation import play_points, play_task
 from agents.models import ModelPlayer, Seat, load_player
+from agents.training.algorithms import HYPERPARAMS, AlgorithmArgs, train
 from airhockey_env.game import Game
-from airhockey_env.records import AUTORESET_SAME_STEP
+from airhockey_env.kernel.state import AUTORESET_SAME_STEP
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from tests import test_scripts
 from tests.test_scripts import Call

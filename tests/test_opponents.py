@@ -10,9 +10,9 @@ import pytest
 
 from airhockey_env import PRESETS, AirHockeyEnv, AirHockeyVectorEnv
 from airhockey_env.game import Game
-from airhockey_env.observations import observe
-from airhockey_env.opponents import EXTERNAL, SCRIPTED, play
-from airhockey_env.records import PUCK, RIGHT
+from airhockey_env.kernel.observations import observe
+from airhockey_env.kernel.scripted import EXTERNAL, SCRIPTED, play
+from airhockey_env.kernel.state import PUCK, RIGHT
 from tests.faces import pursue, random_actions
 
 LIMIT = 1500

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import airhockey_env
-from airhockey_env.policy import MlpPolicy
+from airhockey_env.opponents.policy import MlpPolicy
 from tests.faces import IDS
 
 ROOT = Path(__file__).parents[1]
@@ -53,8 +53,8 @@ from gymnasium.utils.env_checker import check_env
 assert airhockey_env.__file__.startswith(sys.prefix), airhockey_env.__file__
 heavy = "torch stable_baselines3 pettingzoo pygame PIL matplotlib agents scripts benchmarks tests"
 assert not [name for name in heavy.split() if importlib.util.find_spec(name)]
-from airhockey_env.policy import MlpPolicy
-from airhockey_env.trained import trained_policy
+from airhockey_env.opponents.policy import MlpPolicy
+from airhockey_env.opponents.trained import trained_policy
 
 mine = MlpPolicy.load("policy.npz")
 assert isinstance(trained_policy("probe"), MlpPolicy)
@@ -85,7 +85,7 @@ def test_the_wheel_plays_in_an_empty_environment(tmp_path: Path) -> None:
         shutil.copy(ROOT / name, source / name)
     layers = [np.zeros((4, 13)), np.zeros((2, 4))]
     policy = MlpPolicy(layers, [np.zeros(4), np.zeros(2)])
-    policy.save(source / "airhockey_env" / "trained" / "probe.npz")  # package data
+    policy.save(source / "airhockey_env" / "opponents" / "trained" / "probe.npz")  # package data
     policy.save(tmp_path / "policy.npz")
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check"]
     build = [*pip, "wheel", "-q", "--no-deps", "--no-build-isolation", "--no-index", "-w", str(tmp_path), str(source)]
@@ -94,7 +94,7 @@ def test_the_wheel_plays_in_an_empty_environment(tmp_path: Path) -> None:
     with zipfile.ZipFile(wheel) as file:
         names = file.namelist()
     assert {name.split("/")[0] for name in names} == {"airhockey_env", wheel.name.rsplit("-", 3)[0] + ".dist-info"}
-    assert {"airhockey_env/py.typed", "airhockey_env/trained/probe.npz"} <= set(names)
+    assert {"airhockey_env/py.typed", "airhockey_env/opponents/trained/probe.npz"} <= set(names)
 
     venv.create(tmp_path / "empty", symlinks=os.name != "nt")
     python = next(path for path in (tmp_path / "empty").glob("[bS]*/python*") if path.name in ("python", "python.exe"))
@@ -156,7 +156,7 @@ def test_base_dependencies_are_three() -> None:
 def test_importing_takes_the_base_dependencies_alone(tmp_path: Path) -> None:
     heavy = ("torch", "stable_baselines3", "matplotlib", "pygame", "pettingzoo", "PIL", "tyro", "rich", "tensorboard")
     code = (
-        "import sys, gymnasium, airhockey_env, airhockey_env.policy\n"
+        "import sys, gymnasium, airhockey_env, airhockey_env.opponents.policy\n"
         "for name in ('AirHockey-v0', 'airhockey_env:AirHockey-v0'):\n"
         "    gymnasium.make(name).reset(seed=0)\n"
         f"print([name for name in {heavy} if name in sys.modules])"

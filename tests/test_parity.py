@@ -14,10 +14,10 @@ from gymnasium.vector import AutoresetMode
 
 from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv
 from airhockey_env.game import OBS_TYPES
+from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.parallel_env import AirHockeyParallelEnv
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import FULL_SIZE
-from airhockey_env.tasks import TASKS
 from tests.faces import IDS, pursue, random_actions, same, shown
 
 MODES = list(AutoresetMode)

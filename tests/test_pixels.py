@@ -18,9 +18,10 @@ from gymnasium.wrappers import FrameStackObservation
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecTransposeImage
 
-from airhockey_env import PRESETS, AirHockeyEnv, AirHockeyVectorEnv, raster
+from airhockey_env import PRESETS, AirHockeyEnv, AirHockeyVectorEnv
+from airhockey_env.drawing import raster
 from airhockey_env.game import OBS_TYPES, Game
-from airhockey_env.physics import physics_record
+from airhockey_env.kernel.parameters import physics_record
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import FULL_SIZE
 from tests.faces import pursue, random_actions, same

@@ -18,7 +18,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from agents.live_match import (
+from agents.human.live_match import (
     CONTROL_HZ,
     KINDS,
     MOST_BEHIND,
@@ -31,11 +31,11 @@ from agents.live_match import (
     Pointer,
     approach_speed,
 )
-from agents.sounds import Sounds, synthesise
-from airhockey_env import render
-from airhockey_env.policy import MlpPolicy
-from airhockey_env.records import LEFT, PUCK, RIGHT
-from airhockey_env.render import Renderer
+from agents.human.sounds import Sounds, synthesise
+from airhockey_env.drawing import render
+from airhockey_env.drawing.render import Renderer
+from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
+from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.tables import CHALLENGE, FULL_SIZE, TableSpec
 
 ROOT = Path(__file__).parents[1]
@@ -509,7 +509,7 @@ def test_without_fonts_there_are_pictures(pygame, monkeypatch: pytest.MonkeyPatc
 
 def run_main(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> None:
     """Call the command; a person presses Esc as soon as the window is there."""
-    from airhockey_env.window import Window
+    from airhockey_env.drawing.window import Window
     from scripts.play import main
 
     monkeypatch.setattr(sys, "argv", ["play", *arguments])

@@ -12,9 +12,9 @@ from stable_baselines3.common.vec_env import VecMonitor
 
 from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv
 from airhockey_env.game import Game
-from airhockey_env.observations import observe
-from airhockey_env.opponents import EXTERNAL, SCRIPTED
-from airhockey_env.records import RIGHT
+from airhockey_env.kernel.observations import observe
+from airhockey_env.kernel.scripted import EXTERNAL, SCRIPTED
+from airhockey_env.kernel.state import RIGHT
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from tests.faces import COPIES, pursue, random_actions, same, shown
 

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv, TableSpec
-from airhockey_env.physics import FIELDS, check_ranges, physics_record
+from airhockey_env.kernel.parameters import FIELDS, check_ranges, physics_record
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import FULL_SIZE
 from tests.faces import random_actions, same

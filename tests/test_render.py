@@ -10,10 +10,10 @@ import gymnasium
 import numpy as np
 import pytest
 
-from airhockey_env import raster, render
-from airhockey_env.render import Renderer
+from airhockey_env.drawing import raster, render
+from airhockey_env.drawing.render import Renderer
+from airhockey_env.drawing.window import Window
 from airhockey_env.tables import CHALLENGE, FULL_SIZE, PRESETS
-from airhockey_env.window import Window
 
 SMALL = (96, 52)
 MIDDLE = (240, 130)
@@ -309,7 +309,7 @@ def test_drawing_leaves_its_arguments_alone() -> None:
 
 def test_drawing_needs_no_display_or_imaging_library() -> None:
     code = (
-        "import sys, airhockey_env.render, airhockey_env.window;"
+        "import sys, airhockey_env.drawing.render, airhockey_env.drawing.window;"
         "assert not {'pygame', 'PIL', 'matplotlib', 'cv2'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -13,8 +13,8 @@ import pytest
 
 import airhockey_env
 from airhockey_env import AirHockeyEnv, replay
+from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.parallel_env import AGENTS, AirHockeyParallelEnv
-from airhockey_env.policy import MlpPolicy
 from airhockey_env.replay import (
     RecordReplay,
     RecordVectorReplay,

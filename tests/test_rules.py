@@ -13,11 +13,11 @@ from airhockey_env import PRESETS, AirHockeyEnv, AirHockeyVectorEnv
 from airhockey_env.compiled import records
 from airhockey_env.engine.records import CONTACT
 from airhockey_env.game import Game
-from airhockey_env.kernel import step_table
-from airhockey_env.observations import observe
-from airhockey_env.records import CONTACT_ROWS, LEFT, PUCK, RIGHT, TABLE
+from airhockey_env.kernel.observations import observe
+from airhockey_env.kernel.rewards import SHAPING_DISCOUNT, potential
+from airhockey_env.kernel.state import CONTACT_ROWS, LEFT, PUCK, RIGHT, TABLE
+from airhockey_env.kernel.step import step_table
 from airhockey_env.reset_options import ResetOptions
-from airhockey_env.rewards import SHAPING_DISCOUNT, potential
 from airhockey_env.tables import CHALLENGE, FULL_SIZE, IDEAL
 from tests.faces import pursue, random_actions
 

@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from agents.evaluation import play_points
-from agents.scorecard import Defence, Share, measure, quartiles, speed_of
-from agents.scorecard_report import draw_card
-from agents.shots import Recorder, play_on
+from agents.measuring.evaluation import play_points
+from agents.measuring.scorecard import Defence, Share, measure, quartiles, speed_of
+from agents.measuring.scorecard_report import draw_card
+from agents.measuring.shots import Recorder, play_on
 from airhockey_env.game import Game
-from airhockey_env.records import AUTORESET_NEXT_STEP, LEFT, PUCK, RIGHT
+from airhockey_env.kernel.state import AUTORESET_NEXT_STEP, LEFT, PUCK, RIGHT
 from airhockey_env.tables import FULL_SIZE
 from tests import test_scripts
 from tests.test_scripts import Call
@@ -264,7 +264,7 @@ def test_texts_beside_the_bars_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     from matplotlib.legend import Legend
 
     drawn: list[Any] = []
-    monkeypatch.setattr("agents.scorecard_report.save_figure", lambda figure, _: drawn.append(figure))
+    monkeypatch.setattr("agents.measuring.scorecard_report.save_figure", lambda figure, _: drawn.append(figure))
     card = measure("idle", "idle", player_name="a", opponent_name="b", points=2, episodes=2)
     draw_card(dataclasses.replace(card, zone=0.78, possession=0.1, fouls=1, seconds=12000.0), FULL_SIZE, tmp_path)
     drawn[0].draw_without_rendering()

@@ -17,12 +17,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.evaluation import OPPONENTS
+from agents.measuring.evaluation import OPPONENTS
 from agents.sb3_files import read_model
-from airhockey_env.policy import MlpPolicy
+from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.tables import PRESETS
-from scripts.bench import options
-from scripts.bench.measure import Effort
+from benchmarks.speed import options
+from benchmarks.speed.measure import Effort
 
 ROOT = Path(__file__).parents[1]
 SCRIPTS = sorted(path.stem for path in ROOT.glob("scripts/[!_]*.py"))
@@ -472,7 +472,7 @@ class TestBenchmark:
 
     @pytest.mark.parametrize("part", ["c_flags", "single", "options", "pucks", "start", "training"])
     def test_every_part(self, part: str) -> None:
-        module = import_module(f"scripts.bench.{part}")
+        module = import_module(f"benchmarks.speed.{part}")
         rows, _ = module.measure(Effort(1, 0.001, quick=True))
         assert rows
         head, *cells = module.table(rows)

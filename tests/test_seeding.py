@@ -8,7 +8,7 @@ import pytest
 from gymnasium.error import ResetNeeded
 
 from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv
-from airhockey_env.records import TABLE
+from airhockey_env.kernel.state import TABLE
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from tests.faces import COPIES, pursue, random_actions, same, shown
 

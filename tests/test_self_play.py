@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.league import LATEST, LEAST_PRIORITY, League, Member
-from agents.ppo import make_env, make_model
-from agents.self_play import SelfPlayArgs
+from agents.training.league import LATEST, LEAST_PRIORITY, League, Member
+from agents.training.ppo import make_env, make_model
+from agents.training.self_play import SelfPlayArgs
 from tests.test_agents import some_policy
 
 UPDATE = 6 * 8

@@ -16,9 +16,9 @@ from gymnasium.envs.registration import EnvSpec
 
 from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv
 from airhockey_env.game import Game
+from airhockey_env.opponents.players import NAMES
+from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.parallel_env import AirHockeyParallelEnv
-from airhockey_env.players import NAMES
-from airhockey_env.policy import MlpPolicy
 from airhockey_env.replay import RecordReplay, play_back
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.sensing import ROBOT, sense

@@ -18,14 +18,14 @@ from typing import Any
 import pytest
 from stable_baselines3.common.callbacks import BaseCallback
 
-from agents import algorithms, ppo, runs
-from agents.algorithms import AlgorithmArgs
 from agents.files import replace_together
-from agents.ppo import TrainArgs
-from agents.runs import RunFolder, check_name
 from agents.sb3_files import read_model
-from agents.self_play import SelfPlayArgs
-from agents.stopping import Stop, Stopped, stopping
+from agents.training import algorithms, ppo, runs
+from agents.training.algorithms import AlgorithmArgs
+from agents.training.ppo import TrainArgs
+from agents.training.runs import RunFolder, check_name
+from agents.training.self_play import SelfPlayArgs
+from agents.training.stopping import Stop, Stopped, stopping
 from tests.test_scripts import start
 
 TINY: dict[str, Any] = {

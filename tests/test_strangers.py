@@ -19,12 +19,12 @@ from stable_baselines3 import DDPG, DQN, PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecFrameStack
 
-from agents.algorithms import read_hyperparameters
 from agents.features import RelativeFeatures, SmallCnn
-from agents.literals import read_kwargs
 from agents.models import ModelPlayer, load_player
 from agents.sb3_files import NeedsTrust, actor_of, load_weights, read_model
-from airhockey_env.policy import MlpPolicy
+from agents.training.algorithms import read_hyperparameters
+from agents.training.literals import read_kwargs
+from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.replay import Replay
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.spaces import DIRECTIONS

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents.evaluation import Result, TaskResult
-from agents.ladder import Match, rate
-from agents.ladder_report import print_ladder
-from agents.report import print_results, print_task_result
+from agents.measuring.evaluation import Result, TaskResult
+from agents.measuring.ladder import Match, rate
+from agents.measuring.ladder_report import print_ladder
 from agents.tables import print_table
+from agents.training.report import print_results, print_task_result
 
 HEADS = {
     "batches": ["tables", "gym.make_vec", "its compiled step alone", "the same game in C", "CartPole-v1, EnvPool",
@@ -57,7 +57,7 @@ def test_reports(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[
     assert {"opponent", "losses", "s/point", "99999", "(100.0-100.0)", "striker", "my_players:chaser"} <= set(words)
     names = ["striker", "a-run-with-a-rather-long-name", *(f"player-{k}" for k in range(14))]
     matches = [Match(a, Result(b, 1000, 0, 0, 1.0)) for k, a in enumerate(names) for b in names[k + 1 :]]
-    monkeypatch.setattr("agents.ladder.SAMPLES", 50)
+    monkeypatch.setattr("agents.measuring.ladder.SAMPLES", 50)
     print_ladder(rate(names, matches), matches)
     words = printed(capsys, 80)
     assert words.count("player-13") >= 3, "in the ratings, and in each part of the cross table"

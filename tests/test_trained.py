@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 import airhockey_env
-from agents.evaluation import OPPONENTS, play_points, play_task
+from agents.measuring.evaluation import OPPONENTS, play_points, play_task
 from airhockey_env import AirHockeyVectorEnv
-from airhockey_env.players import NAMES
-from airhockey_env.policy import MlpPolicy
+from airhockey_env.opponents.players import NAMES
+from airhockey_env.opponents.policy import MlpPolicy
+from airhockey_env.opponents.trained import TRAINED, trained_policy
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
-from airhockey_env.trained import TRAINED, trained_policy
 from tests.faces import random_actions
 
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from airhockey_env.face import draw_row, make_renderer
+from airhockey_env._base import draw_row, make_renderer
 from airhockey_env.game import Game
-from airhockey_env.physics import spec_of, with_spec
-from airhockey_env.players import NAMES
+from airhockey_env.kernel.parameters import spec_of, with_spec
+from airhockey_env.opponents.players import NAMES
 from airhockey_env.replay.dynamics import fingerprint, game_of, play, recorded_name
 from airhockey_env.replay.file import Replay
 from airhockey_env.version import __version__

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airhockey_env.game import Game
-from airhockey_env.opponents import EXTERNAL
-from airhockey_env.records import RIGHT
+from airhockey_env.kernel.scripted import EXTERNAL
+from airhockey_env.kernel.state import RIGHT
 from airhockey_env.replay.dynamics import arguments_of, fingerprint
 from airhockey_env.replay.file import Replay
 from airhockey_env.version import __version__

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airhockey_env.compiled import compiled, inlined, records
-from airhockey_env.random_stream import draw
-from airhockey_env.records import OBSERVATION_SIZE, PUCK, RIGHT
+from airhockey_env.kernel.random_stream import draw
+from airhockey_env.kernel.state import OBSERVATION_SIZE, PUCK, RIGHT
 
 LENS = np.dtype(
     [

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from airhockey_env.physics import FIELDS
+from airhockey_env.kernel.parameters import FIELDS
 from scripts.torturing.cases import Case
 from scripts.torturing.draws import draw_arguments, draw_operation
 from scripts.torturing.hostile import Report, play_hostile

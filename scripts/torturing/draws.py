@@ -10,9 +10,9 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from airhockey_env.compiled import records
-from airhockey_env.opponents import SCRIPTED
-from airhockey_env.physics import FIELDS
-from airhockey_env.records import TABLE
+from airhockey_env.kernel.parameters import FIELDS
+from airhockey_env.kernel.scripted import SCRIPTED
+from airhockey_env.kernel.state import TABLE
 from airhockey_env.tables import PRESETS
 from scripts.torturing.cases import encode_state, encoded
 from scripts.torturing.faces import FACES

@@ -10,10 +10,10 @@ import numpy as np
 from airhockey_env.compiled import records
 from airhockey_env.engine.records import CONTACT
 from airhockey_env.game import RANDOMIZED_TABLE, Game
-from airhockey_env.kernel import begin, step_table
-from airhockey_env.physics import spec_of
-from airhockey_env.random_stream import draw
-from airhockey_env.records import CONTACT_ROWS, LEFT, OBSERVATION_SIZE, RIGHT, TABLE
+from airhockey_env.kernel.parameters import spec_of
+from airhockey_env.kernel.random_stream import draw
+from airhockey_env.kernel.state import CONTACT_ROWS, LEFT, OBSERVATION_SIZE, RIGHT, TABLE
+from airhockey_env.kernel.step import begin, step_table
 from airhockey_env.replay import arguments_of
 from scripts.torturing.cases import Case, encode_state
 from scripts.torturing.compiled import compiled_here

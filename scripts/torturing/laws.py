@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from airhockey_env.observations import observe
-from airhockey_env.records import LEFT, PUCK, RIGHT
-from airhockey_env.tasks import TASKS
+from airhockey_env.kernel.observations import observe
+from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
+from airhockey_env.kernel.tasks import TASKS
 from scripts.torturing.compiled import compiled_here
 
 OVERLAP = 1e-9

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from airhockey_env.observations import view
-from airhockey_env.random_stream import draw, draw_between
-from airhockey_env.records import LEFT, PUCK, RIGHT
+from airhockey_env.kernel.observations import view
+from airhockey_env.kernel.random_stream import draw, draw_between
+from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
 from scripts.torturing.compiled import compiled_here
 
 CHASE, AHEAD, PIN, JITTER, SHAKE, WANDER, MODES = range(7)

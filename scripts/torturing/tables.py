@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from airhockey_env.physics import FIELDS, check_ranges
+from airhockey_env.kernel.parameters import FIELDS, check_ranges
 from airhockey_env.tables import CHALLENGE, FULL_SIZE, IDEAL, TableSpec
 
 RATES = (10.0, 24.0, 50.0, 120.0, 240.0)

@@ -16,7 +16,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from airhockey_env.game import Game
-from airhockey_env.records import OBSERVATION_SIZE, RIGHT
+from airhockey_env.kernel.state import OBSERVATION_SIZE, RIGHT
 from scripts.torturing.cases import Case, decode_state, decoded
 from scripts.torturing.faces import FACES, Seen
 from scripts.torturing.hostile import play_hostile

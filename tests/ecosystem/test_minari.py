@@ -11,7 +11,7 @@ import minari
 import numpy as np
 import pytest
 
-from airhockey_env.policy import MlpPolicy
+from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.tables import PRESETS
 from tests.faces import same
 

@@ -1,0 +1,1 @@
+"""A person at the table: a match against the clock on the wall, and its sounds."""

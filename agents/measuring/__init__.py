@@ -1,0 +1,1 @@
+"""How well somebody plays: points and tasks, the ladder, the score card."""

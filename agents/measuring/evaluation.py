@@ -1,0 +1,270 @@
+"""How well a policy plays: points against an opponent, both sides of the table balanced; and tasks for one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.models import Player, Seat, join, seated
+from agents.seeding import table_seeds
+from airhockey_env.game import Game
+from airhockey_env.kernel.state import AUTORESET_NEXT_STEP, LEFT, RIGHT
+from airhockey_env.kernel.tasks import TASKS
+from airhockey_env.opponents.players import NAMES
+
+Watch = Callable[[Game, int], Callable[[NDArray[np.bool_]], None]]
+"""What looks on: called with a game that is about to begin and the side (LEFT or RIGHT) of the player in question; what
+it returns is called after every step, with the mask (N,) of the tables that played it."""
+
+OPPONENTS = NAMES
+"""Those that every report plays against, weakest first."""
+
+SOLO_TASKS = tuple(name for name, task in TASKS.items() if task.opponent == "idle")
+"""Tasks without an opponent who plays, in which an episode succeeds or fails."""
+
+CONTROL_HZ, MAX_EPISODE_STEPS = 50, 1500
+"""The control rate and the time limit of the registered environment."""
+
+TABLES_AT_ONCE = 4096
+PICTURE_TABLES_AT_ONCE = 512
+"""Fewer tables for players who see pictures: three stacked pictures of a table take 64 kB, and are copied."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """Points of one player against an opponent."""
+
+    opponent: str
+    wins: int
+    losses: int
+    draws: int  # by time
+    seconds: float  # of play, mean of a point
+
+    @property
+    def points(self) -> int:
+        return self.wins + self.losses + self.draws
+
+    @property
+    def win_rate(self) -> float:
+        """Wins in all points, draws included."""
+        return self.wins / self.points if self.points else math.nan
+
+    @property
+    def decided(self) -> float:
+        """Wins in the points that were decided."""
+        return self.wins / (self.wins + self.losses) if self.wins + self.losses else math.nan
+
+    def as_dict(self) -> dict[str, Any]:
+        """For a JSON file."""
+        low, high = wilson_interval(self.wins, self.points)
+        decided_low, decided_high = wilson_interval(self.wins, self.wins + self.losses)
+        return {
+            "opponent": self.opponent,
+            "points": self.points,
+            "wins": self.wins,
+            "losses": self.losses,
+            "draws": self.draws,
+            "win_rate": self.win_rate,
+            "win_rate_95": [low, high],
+            "decided_win_rate": self.decided,
+            "decided_win_rate_95": [decided_low, decided_high],
+            "mean_seconds": self.seconds,
+        }
+
+
+@dataclass(frozen=True)
+class TaskResult:
+    """Episodes of one player in a task."""
+
+    task: str
+    successes: int
+    failures: int
+    timeouts: int  # neither
+    seconds: float  # of play, mean of an episode
+
+    @property
+    def episodes(self) -> int:
+        return self.successes + self.failures + self.timeouts
+
+    def as_dict(self) -> dict[str, Any]:
+        """For a JSON file."""
+        return {
+            "task": self.task,
+            "episodes": self.episodes,
+            "successes": self.successes,
+            "failures": self.failures,
+            "timeouts": self.timeouts,
+            "success_rate": self.successes / self.episodes if self.episodes else math.nan,
+            "success_rate_95": list(wilson_interval(self.successes, self.episodes)),
+            "mean_seconds": self.seconds,
+        }
+
+
+def wilson_interval(successes: int, trials: int, z: float = 1.959963984540054) -> tuple[float, float]:
+    """Wilson's score interval of a share (E. B. Wilson, JASA 22, 1927); 95 % by default. (0, 1) without trials."""
+    if trials == 0:
+        return 0.0, 1.0
+    share = successes / trials
+    centre = share + z**2 / (2 * trials)
+    spread = z * math.sqrt(share * (1 - share) / trials + z**2 / (4 * trials**2))
+    scale = 1 + z**2 / trials
+    low = (centre - spread) / scale if successes > 0 else 0.0  # exactly, not but for rounding
+    high = (centre + spread) / scale if successes < trials else 1.0
+    return low, high
+
+
+def _at_once(*players: Any) -> int:
+    pictures = any(isinstance(player, Seat) and player.pictures for player in players)
+    return min(TABLES_AT_ONCE, PICTURE_TABLES_AT_ONCE) if pictures else TABLES_AT_ONCE
+
+
+def play_points(
+    policy: Player,
+    opponent: Player,
+    points: int,
+    *,
+    name: str | None = None,
+    seed: int = 0,
+    purpose: str = "evaluation",
+    opponent_skill: float = 1.0,
+    table: str = "full_size",
+    control_hz: float = CONTROL_HZ,
+    max_episode_steps: int = MAX_EPISODE_STEPS,
+    watch: Watch | None = None,
+) -> Result:
+    """Play points against an opponent: half of them on the left, half on the right side of the table.
+
+    Every point is played to its end on a table of its own, so that short points are not counted more often. If it
+    takes long, a progress bar shows.
+
+    Args:
+        policy: a callable from float32 observations (N, 13) to actions (N, 2), a `ModelPlayer`, or a named opponent's
+            name.
+        opponent: likewise.
+        points: how many; rounded up to an even number.
+        name: the opponent's, in the result; by default that of a scripted one.
+        seed: of the tables' random streams.
+        purpose: one of `agents.seeding.PURPOSES`; those of other purposes are other streams.
+        opponent_skill: of a scripted opponent.
+        watch: looks on.
+
+    Raises:
+        ValueError: an argument is out of range.
+    """
+    from tqdm import tqdm
+
+    if points < 1:
+        raise ValueError(f"points must be 1 or more, got {points}")
+    if name is None:
+        name = opponent if isinstance(opponent, str) else "a policy"
+    policy, opponent = seated(policy), seated(opponent)
+    half, at_once = (points + 1) // 2, _at_once(policy, opponent)
+    seeds = table_seeds(purpose, seed, 2 * half, TASKS["point"].number)
+    wins = losses = draws = steps = 0
+    with tqdm(total=2 * half, unit="point", desc=f"against {name}", delay=2.0, leave=False, disable=None) as bar:
+        for first in range(0, half, at_once):
+            rows = range(first, min(half, first + at_once))
+            still = np.zeros((len(rows), 2), np.float32)
+            for own, left, right in ((LEFT, policy, opponent), (RIGHT, opponent, policy)):
+                game = Game(
+                    len(rows),
+                    player=left if isinstance(left, str) else None,
+                    opponent=right,
+                    opponent_skill=opponent_skill,
+                    table=table,
+                    control_hz=control_hz,
+                    max_episode_steps=max_episode_steps,
+                    autoreset=AUTORESET_NEXT_STEP,
+                )
+                join(game, left, right)
+                game.tables["skill"][:, own], game.tables["skill"][:, 1 - own] = 1.0, opponent_skill
+                game.seed([seeds[2 * k + own] for k in rows])
+                game.reset()
+                note = watch(game, own) if watch is not None else None
+                running = np.ones(len(rows), np.bool_)
+                while running.any():
+                    game.step(still if isinstance(left, str) else game.check_actions(left(game.out.observation)))
+                    if note is not None:
+                        note(running)
+                    ended = running & (game.out.terminated | game.out.truncated)
+                    won = game.out.terminated & ((game.out.reward > 0.0) == (own == LEFT))
+                    steps += int(running.sum())
+                    wins += int((ended & won).sum())
+                    losses += int((ended & game.out.terminated & ~won).sum())
+                    draws += int((ended & ~game.out.terminated).sum())
+                    running &= ~ended
+                    bar.update(int(ended.sum()))
+    return Result(name, wins, losses, draws, steps / (2 * half) / control_hz)
+
+
+def play_task(
+    policy: Player,
+    task: str,
+    episodes: int,
+    *,
+    seed: int = 0,
+    purpose: str = "evaluation",
+    table: str = "full_size",
+    watch: Watch | None = None,
+) -> TaskResult:
+    """Play episodes of a task without an opponent, as its registered environment has them (at 50 Hz).
+
+    Args:
+        policy: as in `play_points`.
+        task: one of `SOLO_TASKS`.
+        episodes: how many; each on a table of its own.
+        seed, purpose: as in `play_points`.
+        watch: looks on.
+
+    Raises:
+        ValueError: an argument is out of range.
+    """
+    from tqdm import tqdm
+
+    if task not in SOLO_TASKS:
+        raise ValueError(f"task must be one of {SOLO_TASKS}, got {task!r}")
+    if episodes < 1:
+        raise ValueError(f"episodes must be 1 or more, got {episodes}")
+    seeds = table_seeds(purpose, seed, episodes, TASKS[task].number)
+    player = seated(policy)
+    named = player if isinstance(player, str) else None
+    asked = None if isinstance(player, str) else player
+    at_once = _at_once(player)
+    successes = failures = timeouts = steps = 0
+    with tqdm(total=episodes, unit="episode", desc=task, delay=2.0, leave=False, disable=None) as bar:
+        for first in range(0, episodes, at_once):
+            rows = range(first, min(episodes, first + at_once))
+            game = Game(
+                len(rows),
+                task=task,
+                player=named,
+                opponent=TASKS[task].opponent,
+                max_episode_steps=TASKS[task].max_episode_steps,
+                table=table,
+                control_hz=CONTROL_HZ,
+                autoreset=AUTORESET_NEXT_STEP,
+            )
+            join(game, player)
+            game.seed(seeds[rows.start : rows.stop])
+            game.reset()
+            note = watch(game, LEFT) if watch is not None else None
+            out = game.out
+            still = np.zeros((len(rows), 2), np.float32)
+            running = np.ones(len(rows), np.bool_)
+            while running.any():
+                game.step(still if asked is None else game.check_actions(asked(out.observation)))
+                if note is not None:
+                    note(running)
+                ended = running & (out.terminated | out.truncated)
+                steps += int(running.sum())
+                successes += int((ended & out.success).sum())
+                failures += int((ended & out.terminated & ~out.success).sum())
+                timeouts += int((ended & ~out.terminated).sum())
+                running &= ~ended
+                bar.update(int(ended.sum()))
+    return TaskResult(task, successes, failures, timeouts, steps / episodes / CONTROL_HZ)

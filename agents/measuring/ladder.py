@@ -1,0 +1,155 @@
+"""The ladder: everybody plays everybody, and the results become ratings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.measuring.evaluation import OPPONENTS, Result, play_points
+from agents.models import Player, load_player, short_name
+
+ELO = 400.0 / math.log(10.0)
+"""Elo points for a factor of e in the odds: 400 points are odds of 10 to 1 (A. E. Elo, The Rating of Chessplayers)."""
+
+ANCHOR, ANCHOR_RATING = "striker", 1000.0
+"""The one whose rating is fixed: results say something about differences alone."""
+
+PRIOR = 0.5
+"""Wins, losses and draws each, that every pair is taken to have had before it met: Jeffreys' prior of the three shares.
+It keeps ratings finite where somebody wins everything, and is nothing beside hundreds of points."""
+
+SAMPLES = 1000
+"""Samples of the ratings, from which the intervals are taken."""
+
+
+@dataclass(frozen=True)
+class Match:
+    """Points between two players, half of them on each side of the table."""
+
+    player: str
+    result: Result  # of `player`, against `result.opponent`
+
+    def as_dict(self) -> dict[str, Any]:
+        """For a JSON file."""
+        return {"player": self.player, **self.result.as_dict()}
+
+
+@dataclass(frozen=True)
+class Rating:
+    """One player's place on the ladder."""
+
+    player: str
+    rating: float  # Elo points
+    low: float  # 95 % interval
+    high: float
+    wins: int
+    losses: int
+    draws: int
+
+    @property
+    def points(self) -> int:
+        return self.wins + self.losses + self.draws
+
+    def as_dict(self) -> dict[str, Any]:
+        """For a JSON file."""
+        return {**asdict(self), "points": self.points}
+
+
+def find_players(models: Sequence[str], only: bool = False, trust: bool = False) -> dict[str, Player]:
+    """Who plays, by the name that tables and plots show.
+
+    Args:
+        models: as `load_player` takes them. A file is called after its run's folder, or its path if that is not unique.
+        only: leave out the named opponents that are not among `models`.
+        trust: see `load_player`.
+
+    Raises:
+        FileNotFoundError, ValueError: see `load_player`; or there are fewer than two.
+    """
+    given = list(dict.fromkeys((*(() if only else OPPONENTS), *models)))
+    if len(given) < 2:
+        raise ValueError(f"a ladder needs two or more different players, got {given}")
+    players = {model: load_player(model, trust=trust) for model in given}
+    short = [short_name(model) for model in given]
+    return {
+        name if short.count(name) == 1 else model: player
+        for name, (model, player) in zip(short, players.items(), strict=True)
+    }
+
+
+def play_ladder(
+    players: Mapping[str, Player], points: int, *, seed: int = 0, table: str = "full_size"
+) -> Iterator[Match]:
+    """Let everybody play everybody: the matches, as they end.
+
+    A match is `play_points` with the same arguments, so it does not depend on who else plays.
+    """
+    for first, second in combinations(players, 2):
+        result = play_points(players[first], players[second], points, name=second, seed=seed, table=table)
+        yield Match(first, result)
+
+
+def rate(names: Sequence[str], matches: Sequence[Match]) -> list[Rating]:
+    """Ratings by Bradley and Terry's model (Biometrika 39, 1952), best first.
+
+    A player of rating r scores against one of rating s with the odds 10 ** ((r - s) / 400); a draw is half a win for
+    each. Ratings are those of maximum likelihood, `PRIOR` included. Intervals are the middle 95 % of the ratings for
+    `SAMPLES` samples of every pair's shares of wins, losses and draws, from their posterior distribution under that
+    prior: so a draw brings no spread, and a player that wins everything has an interval too. `ANCHOR`, or without it
+    the mean, is at `ANCHOR_RATING`.
+    """
+    place = {name: k for k, name in enumerate(names)}
+    pairs = np.array(list(combinations(range(len(names)), 2)))
+    counts = np.full((len(names), len(names), 3), PRIOR)
+    for match in matches:
+        i, j, result = place[match.player], place[match.result.opponent], match.result
+        outcome = np.array([result.wins, result.losses, result.draws], np.float64)
+        counts[i, j] += outcome
+        counts[j, i] += outcome[[1, 0, 2]]
+    played = counts[pairs[:, 0], pairs[:, 1]]
+    samples = np.random.default_rng(0).gamma(played, size=(SAMPLES, *played.shape))  # scaled, they are Dirichlet's
+    samples *= (played.sum(-1) / samples.sum(-1))[..., np.newaxis]
+    anchor = place.get(ANCHOR)
+    ratings = _ratings(len(names), pairs, played, anchor)
+    low, high = np.percentile([_ratings(len(names), pairs, sample, anchor) for sample in samples], [2.5, 97.5], axis=0)
+    totals = (counts - PRIOR)[~np.eye(len(names), dtype=bool)].reshape(len(names), -1, 3).sum(1).astype(int).tolist()
+    return [
+        Rating(names[k], float(ratings[k]), float(low[k]), float(high[k]), *totals[k]) for k in np.argsort(-ratings)
+    ]
+
+
+def _ratings(
+    number: int, pairs: NDArray[np.int64], outcomes: NDArray[np.float64], anchor: int | None
+) -> NDArray[np.float64]:
+    """Elo points (number,) of maximum likelihood, for wins, losses and draws (pairs, 3)."""
+    import choix
+
+    scores = np.zeros((number, number))
+    scores[pairs[:, 0], pairs[:, 1]] = outcomes[:, 0] + 0.5 * outcomes[:, 2]
+    scores[pairs[:, 1], pairs[:, 0]] = outcomes[:, 1] + 0.5 * outcomes[:, 2]
+    strengths = choix.ilsr_pairwise_dense(scores, max_iter=10_000, tol=1e-6)
+    fixed = strengths.mean() if anchor is None else strengths[anchor]
+    return ANCHOR_RATING + ELO * (strengths - fixed)
+
+
+def cross_table(names: Sequence[str], matches: Sequence[Match]) -> NDArray[np.float64]:
+    """(n, n) share of the points that the row's player scored against the column's, a draw half; NaN if not played."""
+    place = {name: k for k, name in enumerate(names)}
+    table = np.full((len(names), len(names)), np.nan)
+    for match in matches:
+        i, j, result = place[match.player], place[match.result.opponent], match.result
+        table[i, j] = (result.wins + 0.5 * result.draws) / result.points
+        table[j, i] = 1.0 - table[i, j]
+    return table
+
+
+def expected_scores(ratings: Sequence[Rating]) -> NDArray[np.float64]:
+    """(n, n) the shares that the ratings say."""
+    values = np.array([rating.rating for rating in ratings])
+    return 1.0 / (1.0 + 10.0 ** ((values - values[:, np.newaxis]) / 400.0))

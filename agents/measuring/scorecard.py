@@ -1,0 +1,314 @@
+"""A player's skills, measured: shots, saves, time on the attack, fouls, own goals and reaction.
+
+docs/scorecard.md says what each number means.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.measuring.evaluation import CONTROL_HZ, Result, TaskResult, play_points, play_task, wilson_interval
+from agents.measuring.shots import FORWARD, SHOT, Recorder, play_on
+from agents.models import Player
+from airhockey_env.game import Game
+from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
+
+SPEEDS = (0.0, 2.0, 4.0, 6.0, 8.0, math.inf)
+"""m/s. Bounds of the classes of speed for saves."""
+
+REACTED = 0.1
+"""Share of a paddle's greatest speed at which it counts as having set off."""
+
+
+@dataclass(frozen=True)
+class Share:
+    """A count out of a total."""
+
+    count: int
+    of: int
+
+    @property
+    def value(self) -> float:
+        return self.count / self.of if self.of else math.nan
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 %, Wilson's."""
+        return wilson_interval(self.count, self.of)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For a JSON file."""
+        return {"count": self.count, "of": self.of, "share": self.value, "share_95": list(self.interval)}
+
+
+@dataclass(frozen=True)
+class Shots:
+    """Shots of one kind."""
+
+    on_target: Share  # of all shots
+    scored: Share  # of all shots
+    speeds: NDArray[np.float64]  # (n,) m/s
+    arrives: NDArray[np.float64]  # (n,) m, to the shooter's left of the goal's centre; NaN: never at the far end
+
+    def as_dict(self) -> dict[str, Any]:
+        """For a JSON file."""
+        return {
+            "shots": len(self.speeds),
+            "on_target": self.on_target.as_dict(),
+            "scored": self.scored.as_dict(),
+            "speed": quartiles(self.speeds),
+        }
+
+
+@dataclass(frozen=True)
+class Saves:
+    """Shots on target that came in with a speed from `low` to `high`, and how many of them were kept out."""
+
+    low: float  # m/s
+    high: float
+    play: Share  # against the opponent
+    defend: Share  # in the task
+
+    def as_dict(self) -> dict[str, Any]:
+        """For a JSON file."""
+        return {"from": self.low, "to": self.high, "play": self.play.as_dict(), "defend": self.defend.as_dict()}
+
+
+@dataclass(frozen=True)
+class Card:
+    """What `measure` found."""
+
+    player: str
+    result: Result  # against the opponent
+    seconds: float  # of that play
+    shots: dict[str, Shots]  # "direct", "bank", "all": of that play
+    hit_shots: dict[str, Shots]  # likewise, in the task "hit"
+    saves: list[Saves]  # by speed
+    zone: float  # share of that time with the puck on the far half
+    possession: float  # with the puck on the near half, last touched by the player
+    fouls: int  # in that play
+    own_goals: int
+    deflected: int  # of these, shots on target that went in off the player
+    reaction: dict[str, NDArray[np.float64]]  # "direct", "bank": s, in the task "defend"; inf for never
+    hit: TaskResult
+    defend: TaskResult
+
+    @property
+    def attacking(self) -> float:
+        """Share of the time with the puck on the far half, or in possession."""
+        return self.zone + self.possession
+
+    def per_hour(self, count: int) -> float:
+        """A count as a rate per hour of play."""
+        return count / self.seconds * 3600.0
+
+    def as_dict(self) -> dict[str, Any]:
+        """For a JSON file."""
+        return {
+            "player": self.player,
+            "play": {**self.result.as_dict(), "seconds": self.seconds},
+            "shots": {kind: shots.as_dict() for kind, shots in self.shots.items()},
+            "hit_shots": {kind: shots.as_dict() for kind, shots in self.hit_shots.items()},
+            "saves": [saves.as_dict() for saves in self.saves],
+            "attacking": {"share": self.attacking, "zone": self.zone, "possession": self.possession},
+            "fouls": self.fouls,
+            "own_goals": {"count": self.own_goals, "deflected": self.deflected},
+            "reaction": {
+                kind: {
+                    "reacted": Share(int(np.isfinite(times).sum()), len(times)).as_dict(),
+                    "seconds": quartiles(times),
+                }
+                for kind, times in self.reaction.items()
+            },
+            "tasks": [self.hit.as_dict(), self.defend.as_dict()],
+        }
+
+
+def quartiles(values: NDArray[np.float64]) -> list[float]:
+    """First quartile, median and third quartile; infinite values count as greatest. NaN without values."""
+    if not len(values):
+        return [math.nan] * 3
+    return [float(value) for value in np.quantile(values, [0.25, 0.5, 0.75], method="nearest")]
+
+
+def measure(
+    player: Player,
+    opponent: Player,
+    *,
+    player_name: str,
+    opponent_name: str,
+    points: int = 2000,
+    episodes: int = 4000,
+    seed: int = 0,
+    table: str = "full_size",
+) -> Card:
+    """Let a player play points against an opponent, half of them on each side of the table, and the two tasks.
+
+    Args:
+        player, opponent: as in `play_points`.
+        player_name, opponent_name: for reports.
+        points: against the opponent.
+        episodes: of each task.
+        seed, table: of all of these.
+
+    Raises:
+        ValueError: an argument is out of range.
+    """
+    played, hits, defences = _Watch(), _Watch(), _Defences()
+    result = play_points(player, opponent, points, name=opponent_name, seed=seed, table=table, watch=played)
+    hit = play_task(player, "hit", episodes, seed=seed, table=table, watch=hits)
+    defend = play_task(player, "defend", episodes, seed=seed, table=table, watch=defences)
+
+    own, incoming = played.shots()
+    defended = defences.shots()
+    threats = incoming.shots[incoming.on_target]
+    steps = sum(recorder.steps for recorder in played.recorders)
+    return Card(
+        player=player_name,
+        result=result,
+        seconds=steps / CONTROL_HZ,
+        shots=_by_kind(own),
+        hit_shots=_by_kind(hits.shots()[0]),
+        saves=[
+            Saves(low, high, _saved(threats, low, high), _saved(defended.shots[defended.on_target], low, high))
+            for low, high in pairwise(SPEEDS)
+        ],
+        zone=played.total("zone") / steps,
+        possession=played.total("possession") / steps,
+        fouls=played.total("fouls"),
+        own_goals=played.total("own_goals"),
+        deflected=int((threats["scored"] & threats["touched"]).sum()),
+        reaction={
+            kind: defences.reaction()[defences.has_to_move() & defended.on_target & (defended.bank == (kind == "bank"))]
+            for kind in ("direct", "bank")
+        },
+        hit=hit,
+        defend=defend,
+    )
+
+
+class Flown(NamedTuple):
+    """Shots, and where they would have gone; all (n,)."""
+
+    shots: NDArray[np.void]  # of SHOT
+    on_target: NDArray[np.bool_]
+    bank: NDArray[np.bool_]
+    arrives: NDArray[np.float64]  # m, to the shooter's left of the goal's centre; NaN: never at the far end
+
+
+class _Watch:
+    """Looks on with a `Recorder` at every game."""
+
+    def __init__(self) -> None:
+        self.recorders: list[Recorder] = []
+        self._games: list[tuple[Game, int]] = []  # and the player's side
+
+    def __call__(self, game: Game, own: int) -> Callable[[NDArray[np.bool_]], None]:
+        self.recorders.append(Recorder(game))
+        self._games.append((game, own))
+        return self.recorders[-1].note
+
+    def total(self, name: str) -> int:
+        """The sum of one of the recorders' counts for the player."""
+        counted = zip(self.recorders, self._games, strict=True)
+        return sum(int(getattr(recorder, name)[own]) for recorder, (_, own) in counted)
+
+    def shots(self) -> tuple[Flown, Flown]:
+        """The player's and the opponent's."""
+        both: tuple[list[Flown], list[Flown]] = ([], [])
+        for recorder, (game, own) in zip(self.recorders, self._games, strict=True):
+            shots = recorder.shots
+            courses = play_on(shots, game.spec, game.control_hz)
+            arrives = courses.arrives * FORWARD[shots["shooter"]]
+            for flown, chosen in zip(both, (shots["shooter"] == own, shots["shooter"] != own), strict=True):
+                fields = (shots, courses.on_target, courses.bank, arrives)
+                flown.append(Flown(*(field[chosen] for field in fields)))
+        return _joined(both[0]), _joined(both[1])
+
+
+def _joined(parts: Sequence[Flown]) -> Flown:
+    return Flown(*(np.concatenate(fields) for fields in zip(*parts, strict=True)))
+
+
+def _by_kind(flown: Flown) -> dict[str, Shots]:
+    kinds = {"direct": ~flown.bank, "bank": flown.bank, "all": np.ones(len(flown.bank), np.bool_)}
+    return {
+        kind: Shots(
+            Share(int((flown.on_target & chosen).sum()), int(chosen.sum())),
+            Share(int((flown.shots["scored"] & chosen).sum()), int(chosen.sum())),
+            speed_of(flown.shots[chosen]),
+            flown.arrives[chosen],
+        )
+        for kind, chosen in kinds.items()
+    }
+
+
+def speed_of(shots: NDArray[np.void]) -> NDArray[np.float64]:
+    """(n,) m/s, of the puck at the end of the step of the last touch."""
+    return np.linalg.norm(shots["start"]["velocity"][:, PUCK], axis=-1)
+
+
+def _saved(shots: NDArray[np.void], low: float, high: float) -> Share:
+    speed = speed_of(shots)
+    chosen = shots[(speed >= low) & (speed < high)]
+    return Share(int((~chosen["scored"]).sum()), len(chosen))
+
+
+class _Defences:
+    """Looks on at the task "defend"."""
+
+    def __init__(self) -> None:
+        self._each: list[Defence] = []
+
+    def __call__(self, game: Game, own: int) -> Callable[[NDArray[np.bool_]], None]:
+        self._each.append(Defence(game))
+        return self._each[-1].note
+
+    def shots(self) -> Flown:
+        return _joined([Flown(d.shots, d.courses.on_target, d.courses.bank, d.courses.arrives) for d in self._each])
+
+    def has_to_move(self) -> NDArray[np.bool_]:
+        return np.concatenate([defence.has_to_move for defence in self._each])
+
+    def reaction(self) -> NDArray[np.float64]:
+        return np.concatenate([defence.reaction for defence in self._each])
+
+
+class Defence:
+    """One game of the task "defend": what each shot came to, and when the paddle set off.
+
+    Attributes: of every table
+        shots: (n,) of `SHOT`; `scored` is kept while playing.
+        courses: where they go if nobody touches them.
+        has_to_move: (n,) whether the shot passes the paddle's place by more than a touch.
+        reaction: (n,) s from the shot until the paddle has set off towards it; inf for not yet.
+    """
+
+    def __init__(self, game: Game) -> None:
+        n = game.num_tables
+        self._game = game
+        self.shots = np.zeros(n, SHOT)
+        self.shots["shooter"], self.shots["start"] = RIGHT, game.tables
+        place = game.tables["position"][:, LEFT].copy()
+        self.courses = play_on(self.shots, game.spec, game.control_hz, line=place[:, 0])
+        away = np.nan_to_num(self.courses.passes - place[:, 1])
+        self._towards = np.sign(away)
+        self.has_to_move = np.abs(away) > game.spec.paddle_radius + game.spec.puck_radius
+        self.reaction = np.full(n, np.inf)
+        self._steps = 0
+
+    def note(self, running: NDArray[np.bool_]) -> None:
+        """Note a step that the tables of the mask (N,) have played."""
+        game = self._game
+        self._steps += 1
+        self.shots["scored"][running] = game.out.reward[running] < 0.0
+        speed = game.tables["velocity"][:, LEFT, 1] * self._towards
+        set_off = running & np.isinf(self.reaction) & (speed > REACTED * game.spec.paddle_speed)
+        self.reaction[set_off] = self._steps / game.control_hz

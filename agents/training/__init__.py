@@ -1,0 +1,1 @@
+"""Training runs: recipes, their folders, and what stops and resumes them."""

@@ -1,0 +1,1 @@
+"""Pictures: the rasteriser, pixel observations, the renderer and a window."""

@@ -1,0 +1,53 @@
+"""Paddles: from an action to a velocity that a hand could give them."""
+
+from __future__ import annotations
+
+import math
+
+from airhockey_env.compiled import inlined
+from airhockey_env.kernel.state import LEFT
+
+
+@inlined
+def _within(place, velocity, low, high, tick):
+    """`velocity` along one axis, changed so that the tick ends between low and high."""
+    after = place + velocity * tick
+    if after > high:
+        return (high - place) / tick
+    if after < low:
+        return (low - place) / tick
+    return velocity
+
+
+@inlined
+def drive(table, physics, player, ax, ay):
+    """Give a player's paddle its velocity for the coming tick.
+
+    Args:
+        player: LEFT or RIGHT.
+        ax, ay: target velocity as a share of the greatest speed, as the player sees it (the right-hand player sees
+            the table turned by 180 degrees). Clipped to [-1, 1] each, then to a length of 1.
+
+    The velocity moves towards the target by at most the greatest acceleration, and is then cut so that the paddle
+    ends the tick on its own half and off the walls.
+    """
+    forward = 1.0 if player == LEFT else -1.0
+    ax = min(max(ax, -1.0), 1.0)
+    ay = min(max(ay, -1.0), 1.0)
+    length2 = ax * ax + ay * ay
+    scale = forward * physics.paddle_speed
+    if length2 > 1.0:
+        scale /= math.sqrt(length2)
+    vx, vy = table.velocity[player, 0], table.velocity[player, 1]
+    dvx, dvy = ax * scale - vx, ay * scale - vy
+    change2 = dvx * dvx + dvy * dvy
+    if change2 > physics.paddle_step * physics.paddle_step:
+        share = physics.paddle_step / math.sqrt(change2)
+        dvx *= share
+        dvy *= share
+    radius = physics.radius[player]
+    near, far = radius, physics.half_length - radius
+    low, high = (-far, -near) if player == LEFT else (near, far)
+    side = physics.half_width - radius
+    table.velocity[player, 0] = _within(table.position[player, 0], vx + dvx, low, high, physics.tick)
+    table.velocity[player, 1] = _within(table.position[player, 1], vy + dvy, -side, side, physics.tick)

@@ -1,0 +1,151 @@
+"""Tasks: how an episode starts, when it ends, and what counts as success. Each stands in one place here.
+
+To add one: write a `start_...` and an `end_...` function like those below, give it a number and a line in `TASKS`,
+and call the two in `start_task` and `end_task`. docs/extending.md does it step by step.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from airhockey_env.compiled import compiled, inlined
+from airhockey_env.kernel.random_stream import draw, draw_between
+from airhockey_env.kernel.rules import give, place_paddles, serve
+from airhockey_env.kernel.state import HOME, LEFT, PUCK, RIGHT
+from airhockey_env.tables import TableSpec
+
+
+class Task(NamedTuple):
+    """What is fixed about a task outside of compiled code."""
+
+    number: int
+    points: int  # that win the episode
+    max_episode_steps: int  # of the registered environment
+    opponent: str  # of the registered environment
+
+
+POINT, MATCH, HIT, DEFEND = range(4)
+
+TASKS = {
+    "point": Task(POINT, points=1, max_episode_steps=1500, opponent="striker"),
+    "match": Task(MATCH, points=7, max_episode_steps=15_000, opponent="striker"),
+    "hit": Task(HIT, points=1, max_episode_steps=500, opponent="idle"),
+    "defend": Task(DEFEND, points=1, max_episode_steps=250, opponent="idle"),
+}
+
+AT_REST = 0.05
+"""m/s. A slower puck goes nowhere any more."""
+
+CAUGHT = 0.3
+"""m/s. A slower puck is under control."""
+
+
+@compiled
+def start_task(table, physics, task, side):
+    """Put the table in a starting state of the task; `side` serves, -1 or +1, or 0 for one drawn at random."""
+    if task == HIT:
+        start_hit(table, physics)
+    elif task == DEFEND:
+        start_defend(table, physics)
+    else:
+        serve(table, physics, side if side != 0 else -1 if draw(table) < 0.5 else 1)
+
+
+@inlined
+def end_task(table, settings, point, foul):
+    """Whether the episode ends after this step, and if so whether it was a success for the left player.
+
+    Args:
+        point: +1 if the left player scored in this step, -1 if the right one did, else 0.
+        foul: whether the shot clock ran out in this step.
+    """
+    if settings.task == HIT:
+        return end_hit(table, point, foul)
+    if settings.task == DEFEND:
+        return end_defend(table, point, foul)
+    return end_points(table, settings, point)
+
+
+@inlined
+def end_points(table, settings, point):
+    """A point or a match: over when a side has the points that win; a success if that is the left one."""
+    return max(table.score[0], table.score[1]) >= settings.points, point > 0
+
+
+@compiled
+def start_hit(table, physics):
+    """The puck rests anywhere on the middle of the own side, the own paddle somewhere near home."""
+    park(table, physics)
+    stand(table, physics, -HOME * physics.half_length, draw_between(table, -0.5, 0.5) * physics.half_width)
+    table.position[PUCK, 0] = -physics.half_length * draw_between(table, 0.1, 0.5)
+    table.position[PUCK, 1] = (physics.half_width - 1.5 * physics.radius[PUCK]) * draw_between(table, -1.0, 1.0)
+    give(table, -1)
+
+
+@inlined
+def end_hit(table, point, foul):
+    """Over with a goal, a foul, or a puck that came to rest on the far side; a success with a goal for."""
+    vx, vy = table.velocity[PUCK, 0], table.velocity[PUCK, 1]
+    missed = table.position[PUCK, 0] > 0.0 and vx * vx + vy * vy < AT_REST * AT_REST
+    return point != 0 or foul or missed, point > 0
+
+
+@compiled
+def start_defend(table, physics):
+    """A shot comes from the far side, straight or off a side wall, at 2 to 9 m/s; the paddle is somewhere near home."""
+    park(table, physics)
+    own_x = -physics.half_length * draw_between(table, 0.6, 0.9)
+    stand(table, physics, own_x, physics.half_width * draw_between(table, -0.5, 0.5))
+    wall = physics.half_width - physics.radius[PUCK]
+    clear = table.position[RIGHT, 0] - physics.radius[RIGHT] - physics.radius[PUCK]  # of the parked paddle
+    x = min(physics.half_length * draw_between(table, 0.0, 0.6), clear)
+    y = 0.95 * wall * draw_between(table, -1.0, 1.0)
+    speed = min(draw_between(table, 2.0, 9.0), physics.puck_speed)
+    goal_y = (physics.half_goal - physics.radius[PUCK]) * draw_between(table, -1.0, 1.0)
+    course = draw(table)
+    if course < 0.5:  # off a wall, towards the image of the goal (see opponents)
+        side = 1.0 if course < 0.25 else -1.0
+        bend = physics.wall_tangential / max(physics.wall_restitution, 0.1)
+        goal_y = side * wall + bend * (side * wall - goal_y)
+    dx, dy = -physics.half_length - x, goal_y - y
+    length = math.sqrt(dx * dx + dy * dy)
+    table.position[PUCK, 0], table.position[PUCK, 1] = x, y
+    table.velocity[PUCK, 0], table.velocity[PUCK, 1] = speed * dx / length, speed * dy / length
+    give(table, 1)
+
+
+@inlined
+def end_defend(table, point, foul):
+    """Over with a goal, or once the shot is kept out: sent back over the centre line, or under control.
+
+    A success unless there was a goal against.
+    """
+    vx, vy = table.velocity[PUCK, 0], table.velocity[PUCK, 1]
+    returned = table.side > 0 and vx >= 0.0
+    caught = vx * vx + vy * vy < CAUGHT * CAUGHT
+    return point != 0 or foul or returned or caught, point >= 0
+
+
+@inlined
+def stand(table, physics, x, y):
+    """Put the own paddle on a place or, where a large paddle on a small table has no room there, next to it."""
+    far, side = physics.half_length - physics.radius[LEFT], physics.half_width - physics.radius[LEFT]
+    table.position[LEFT, 0] = max(x, -far)
+    table.position[LEFT, 1] = min(max(y, -side), side)
+
+
+@compiled
+def park(table, physics):
+    """Paddles rest: the own one at home, the opponent's in a far corner, where it covers no goal."""
+    place_paddles(table, physics)
+    far = physics.half_length - physics.radius[RIGHT]
+    table.position[RIGHT, 0] = far
+    table.position[RIGHT, 1] = physics.half_width - physics.radius[RIGHT]
+
+
+def right_start(spec: TableSpec, task: int) -> tuple[float, float]:
+    """Where the right paddle is when an episode of a task begins, m."""
+    if task in (HIT, DEFEND):
+        return 0.5 * spec.length - spec.paddle_radius, 0.5 * spec.width - spec.paddle_radius
+    return 0.5 * HOME * spec.length, 0.0

@@ -1,0 +1,197 @@
+"""A trained policy that plays without torch: the weights of a small network, compiled.
+
+A matrix product of a linear algebra library gives other last bits for other numbers of rows, and `tanh` other ones on
+other machines. Here every row is worked out alone and in a fixed order, so that a policy plays the same game to the
+bit in every face and batch.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from airhockey_env.compiled import compiled, inlined
+from airhockey_env.files import read_arrays, replace
+from airhockey_env.kernel.state import OBSERVATION_SIZE
+from airhockey_env.spaces import DIRECTIONS
+
+ACTIVATIONS = ("tanh", "relu")
+
+MOST_BYTES = 64 * 2**20
+"""The greatest size of an unpacked file: sixteen million weights."""
+
+# A rational function that is tanh to float32's precision: the coefficients of Eigen's `ptanh` (MathFunctionsImpl.h).
+_TANH_END = np.float32(7.90531110763549805)
+_ODD = tuple(
+    np.float32(c)
+    for c in (
+        -2.76076847742355e-16, 2.00018790482477e-13, -8.60467152213735e-11, 5.12229709037114e-08,
+        1.48572235717979e-05, 6.37261928875436e-04, 4.89352455891786e-03,
+    )
+)  # fmt: skip
+_EVEN = tuple(
+    np.float32(c) for c in (1.19825839466702e-06, 1.18534705686654e-04, 2.26843463243900e-03, 4.89352518554385e-03)
+)
+
+
+@inlined
+def _tanh(x):
+    x = _TANH_END if x > _TANH_END else x
+    x = -_TANH_END if x < -_TANH_END else x
+    x2 = x * x
+    odd, even = _ODD[0], _EVEN[0]
+    odd = odd * x2 + _ODD[1]
+    odd = odd * x2 + _ODD[2]
+    odd = odd * x2 + _ODD[3]
+    odd = odd * x2 + _ODD[4]
+    odd = odd * x2 + _ODD[5]
+    odd = odd * x2 + _ODD[6]
+    even = even * x2 + _EVEN[1]
+    even = even * x2 + _EVEN[2]
+    even = even * x2 + _EVEN[3]
+    return x * odd / even
+
+
+@compiled
+def _forward(observations, parameters, sizes, use_tanh, squash, out):
+    """Run the network, row by row.
+
+    Args:
+        observations: (N, sizes[0]) float32.
+        parameters: (P,) float32: of one layer after the other, the weights (in, out) and the biases (out,).
+        sizes: (layers + 1,) int64, units of every layer, the inputs first.
+        use_tanh: between the layers; else the greater of x and 0.
+        squash: whether the outputs go through tanh.
+        out: (N, sizes[-1]) float32; written.
+    """
+    widest = sizes.max()
+    one, other = np.empty(widest, np.float32), np.empty(widest, np.float32)
+    last = sizes.shape[0] - 2
+    for i in range(observations.shape[0]):
+        for k in range(sizes[0]):
+            one[k] = observations[i, k]
+        at = 0
+        for layer in range(last + 1):
+            n_in, n_out = sizes[layer], sizes[layer + 1]
+            weights, at = parameters[at : at + n_in * n_out], at + n_in * n_out
+            bias, at = parameters[at : at + n_out], at + n_out
+            after = other[:n_out]
+            for j in range(n_out):
+                after[j] = bias[j]
+            for k in range(n_in):
+                x = one[k]
+                row = weights[k * n_out : (k + 1) * n_out]
+                for j in range(n_out):
+                    after[j] += x * row[j]
+            if layer == last:
+                for j in range(n_out):
+                    out[i, j] = _tanh(after[j]) if squash else after[j]
+            elif use_tanh:
+                for j in range(n_out):
+                    after[j] = _tanh(after[j])
+            else:
+                for j in range(n_out):
+                    after[j] = after[j] if after[j] > np.float32(0.0) else np.float32(0.0)
+            one, other = other, one
+
+
+class MlpPolicy:
+    """A deterministic policy: a fully connected network from state observations to actions.
+
+    Args:
+        weights: one (out, in) array a layer; the first takes the 13 observations, the last gives two target
+            velocities (a continuous policy) or nine scores (a discrete one, which takes the highest).
+        biases: one (out,) array a layer.
+        activation: `"tanh"` or `"relu"`, between the layers.
+        squash: whether the outputs go through tanh, as those of SAC and TD3 do; else they are clipped to [-1, 1].
+
+    Raises:
+        ValueError: the layers do not fit together, or hold what is no finite number.
+    """
+
+    def __init__(
+        self,
+        weights: Sequence[NDArray[np.float32]],
+        biases: Sequence[NDArray[np.float32]],
+        activation: str = "tanh",
+        squash: bool = False,
+    ) -> None:
+        if not isinstance(activation, str) or activation not in ACTIVATIONS:
+            raise ValueError(f"activation must be one of {ACTIVATIONS}, got {activation!r}")
+        self.weights, self.biases = _layers("weights", weights), _layers("biases", biases)
+        if len(self.weights) != len(self.biases):
+            raise ValueError(
+                f"weights and biases must be as many, got {len(self.weights)} and {len(self.biases)} layers"
+            )
+        size = OBSERVATION_SIZE
+        for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            if weight.ndim != 2 or weight.shape[1] != size or bias.shape != weight.shape[:1]:
+                raise ValueError(
+                    f"layer {k} must have weights (n, {size}) and biases (n,), got {weight.shape} and {bias.shape}"
+                )
+            size = weight.shape[0]
+        if size not in (2, len(DIRECTIONS)):
+            raise ValueError(f"the last layer must have 2 or {len(DIRECTIONS)} outputs, got {size}")
+        self.activation, self.squash = activation, bool(squash)
+        self._sizes = np.array([OBSERVATION_SIZE, *(len(bias) for bias in self.biases)])
+        layers = zip(self.weights, self.biases, strict=True)
+        self._parameters = np.concatenate([part for weight, bias in layers for part in (weight.T.ravel(), bias)])
+
+    def __call__(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Actions (N, 2) in [-1, 1] for observations (N, 13)."""
+        out = np.empty((len(observations), self._sizes[-1]), np.float32)
+        _forward(observations, self._parameters, self._sizes, self.activation == "tanh", self.squash, out)
+        return np.clip(out, -1.0, 1.0) if out.shape[1] == 2 else DIRECTIONS[out.argmax(axis=1)]
+
+    def save(self, path: str | Path) -> None:
+        """Write the weights to an .npz file; a file that is there already is replaced at once or not at all."""
+        arrays: dict[str, Any] = {"activation": np.array(self.activation), "squash": np.array(self.squash)}
+        for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            arrays[f"weight_{k}"], arrays[f"bias_{k}"] = weight, bias
+        buffer = io.BytesIO()
+        np.savez(buffer, **arrays)
+        replace(path, lambda part: part.write_bytes(buffer.getvalue()))
+
+    @classmethod
+    def load(cls, path: str | Path) -> MlpPolicy:
+        """Read a policy that `save` wrote.
+
+        Raises:
+            FileNotFoundError: there is no such file.
+            ValueError: the file does not hold a policy.
+        """
+        try:
+            arrays = read_arrays(path, "MlpPolicy.save", ("activation", "weight_0", "bias_0"), MOST_BYTES)
+            layers = range(sum(name.startswith("weight_") for name in arrays))
+            weights = [arrays[f"weight_{k}"] for k in layers]
+            biases = [arrays[f"bias_{k}"] for k in layers]
+            activation, squash = arrays["activation"], arrays.get("squash", np.False_)  # old files have no squash
+            kinds = "".join(array.dtype.kind for array in (*weights, *biases))
+            if activation.dtype.kind != "U" or squash.dtype.kind != "b" or activation.shape or squash.shape:
+                raise ValueError("activation must be a text and squash a bool")
+            if kinds.strip("f"):
+                raise ValueError("weights and biases must be floating-point numbers")
+            return cls(weights, biases, str(activation), bool(squash))
+        except FileNotFoundError:
+            raise
+        except Exception as error:  # whatever a damaged file makes of it
+            raise ValueError(f"{path} does not hold a policy: {error}") from error
+
+
+def _layers(name: str, arrays: Any) -> list[NDArray[np.float32]]:
+    """Copies: weights that come from a model under training go on changing."""
+    try:
+        with np.errstate(over="ignore"):  # what float32 cannot hold is refused below
+            layers = [np.array(array, np.float32, order="C") for array in arrays]
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"{name} must be one array of numbers a layer, got {type(arrays).__name__}: {error}"
+        ) from error
+    if not layers or not all(np.isfinite(layer).all() for layer in layers):
+        raise ValueError(f"{name} must be one array of finite numbers a layer, and some; got {len(layers)} layers")
+    return layers

@@ -1,0 +1,26 @@
+"""Trained policies that ship with the package, by name: `opponent="adept"`, `opponent="expert"`.
+
+Their model cards stand in docs/trained.md: how they were made, how they rate, and what they are bad at.
+"""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+from typing import Any
+
+from airhockey_env.opponents.policy import MlpPolicy
+
+TRAINED = ("adept", "expert")
+"""From weaker to stronger."""
+
+
+@functools.cache
+def trained_policy(name: str) -> MlpPolicy:
+    """The policy of a name in `TRAINED`; read from disk once."""
+    return MlpPolicy.load(Path(__file__).parent / f"{name}.npz")
+
+
+def resolved(player: Any) -> Any:
+    """The policy behind the name of a trained player; whoever else as given."""
+    return trained_policy(player) if isinstance(player, str) and player in TRAINED else player

@@ -1,0 +1,52 @@
+"""What the options of the game cost, in a batch on one core; and pictures."""
+
+from __future__ import annotations
+
+import gymnasium as gym
+
+from airhockey_env.sensing import ROBOT
+from benchmarks.speed import games
+from benchmarks.speed.measure import Effort, Row, ratio, run
+from benchmarks.speed.single import CART, MADE
+
+TITLE = "Options"
+SIZE = 4096
+DEFAULT = "default: striker, states, sparse reward"
+
+
+def measure(effort: Effort) -> tuple[list[Row], list[str]]:
+    """Rows, and nothing to be said."""
+    n = 256 if effort.quick else SIZE
+    ranges = {"wall_restitution": (0.7, 0.9), "puck_mass": (0.03, 0.05)}
+    measures = [
+        games.batch(DEFAULT, n),
+        games.batch('opponent="idle"', n, opponent="idle"),
+        games.batch('opponent="goalie"', n, opponent="goalie"),
+        games.batch('opponent="expert"', n, opponent="expert"),
+        games.batch('reward="shaped"', n, reward="shaped"),
+        games.batch("randomize of two fields", n, randomize=ranges),
+        games.batch('obs_type="rgb"', n, obs_type="rgb"),
+        games.batch('obs_type="grayscale"', n, obs_type="grayscale"),
+        games.batch("seen by the camera ROBOT", n, camera=ROBOT),
+        games.both_sides("both players from outside (Game)", n),
+        games.pictures("render() of one table, pictures/s"),
+        games.single(MADE, gym.make("AirHockey-v0")),
+        games.single(CART, gym.make("CartPole-v1")),
+    ]
+    return run(measures, effort), []
+
+
+def table(rows: list[Row]) -> list[tuple[str, ...]]:
+    """A row each."""
+    cells: list[tuple[str, ...]] = [("what", "tables", "steps/s", "to the default", f"to {CART}")]
+    cart = next(row["per_second"] for row in rows if row["what"] == CART)
+    for row in rows:
+        share, speed = ratio(rows, row, DEFAULT), row["per_second"]
+        shown = "" if share is None else f"{share:.2f}"
+        cells.append((row["what"], f"{row['at']:,}", f"{speed:,.0f}", shown, _times(speed / cart)))
+    return cells
+
+
+def _times(factor: float) -> str:
+    """Two significant figures below 100; whole numbers from there on."""
+    return f"{factor:.0f}" if factor >= 99.5 else f"{factor:.2g}"

@@ -1,0 +1,40 @@
+"""One table: where the time of a step goes."""
+
+from __future__ import annotations
+
+import gymnasium as gym
+
+from benchmarks.speed import games
+from benchmarks.speed.measure import Effort, Row, ratio, run
+
+TITLE = "One table"
+MADE, RAW, CODE = "gym.make", "AirHockeyEnv, without wrappers", "its compiled step alone"
+CART, CART_RAW = "CartPole-v1, gym.make", "CartPole-v1, without wrappers"
+
+
+def measure(effort: Effort) -> tuple[list[Row], list[str]]:
+    """Rows, and nothing to be said."""
+    measures = [
+        games.single(MADE, gym.make("AirHockey-v0")),
+        games.single(RAW, gym.make("AirHockey-v0").unwrapped),
+        games.compiled(CODE, 1),
+        games.single(CART, gym.make("CartPole-v1")),
+        games.single(CART_RAW, gym.make("CartPole-v1").unwrapped),
+    ]
+    return run(measures, effort), []
+
+
+def table(rows: list[Row]) -> list[tuple[str, ...]]:
+    """A row each."""
+    cells: list[tuple[str, ...]] = [("what", "steps/s", "µs a step", f"to {CART}")]
+    for row in rows:
+        speed = row["per_second"]
+        cells.append((row["what"], f"{speed:,.0f}", f"{1e6 / speed:.1f}", f"{ratio(rows, row, CART) or 0.0:.2f}"))
+    micro = {row["what"]: 1e6 / row["per_second"] for row in rows}
+    for name, part in (
+        ("of gym.make: Gymnasium's wrappers", micro[MADE] - micro[RAW]),
+        ("of gym.make: observation, info, checks", micro[RAW] - micro[CODE]),
+        ("of gym.make: the compiled step and the call of it", micro[CODE]),
+    ):
+        cells.append((name, "", f"{part:.1f} ({part / micro[MADE]:.0%})", ""))
+    return cells
