@@ -25,7 +25,10 @@ from airhockey_env.spaces import DIRECTIONS
 Policy = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 """From state observations (N, 13), each from the player's own side, to actions (N, 2)."""
 
-PLAYERS = f"{', '.join(NAMES)}, a run's folder, a policy.npz, a model.zip of Stable-Baselines3, or module:function"
+PLAYERS = (
+    f"{', '.join(NAMES)}, a run's folder or its name under runs/, a policy.npz, a model.zip of Stable-Baselines3, "
+    "or module:function"
+)
 """Whom a command line may name."""
 
 PLAYER_HELP = (
@@ -188,12 +191,16 @@ def load_player(model: str, option: str = "MODEL", *, trust: bool = False) -> Pl
     if model in NAMES:
         return resolved(model)
     path = Path(model)
+    if not path.exists() and (Path("runs") / model).is_dir():
+        path = Path("runs") / model
     if path.is_dir():
         path = path / ("model.zip" if (path / "model.zip").is_file() else "policy.npz")
         path = path.with_name("policy.npz") if path.with_name("policy.npz").is_file() else path
     if not path.exists():
         if _FUNCTION.fullmatch(model):
             return _function(model, option)
+        if len(path.parts) > 1 or path.suffix in (".npz", ".zip"):
+            raise FileNotFoundError(f"{option} must be a player's file or folder, and there is no {model}")
         raise FileNotFoundError(f"{option} must be one of {PLAYERS}; {model!r} is none of these")
     return load_model(path, trust=trust) if path.suffix == ".zip" else MlpPolicy.load(path)
 

@@ -28,9 +28,9 @@ class EvaluateArgs:
     opponent: str = "all"
     """A player as above, or "all" for every named opponent."""
     episodes: Count = 2000
-    """Points against each; or episodes of the task."""
+    """Points against each opponent, or episodes of the task."""
     opponent_skill: float = 1.0
-    """0 to 1."""
+    """Share of its paddle's speed that a scripted opponent uses, 0 to 1."""
     table: Annotated[str, tyro.conf.arg(help=TABLE_HELP)] = "full_size"
     seed: int = 0
     """Seed of the serves."""

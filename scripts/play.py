@@ -40,14 +40,14 @@ class PlayArgs:
 
     opponent: Annotated[str, tyro.conf.arg(help=f"Who plays against you: {PLAYER_HELP}")] = "striker"
     skill: float = 1.0
-    """0 to 1: share of its paddle's speed that the opponent uses."""
+    """Share of its paddle's speed that the opponent uses, 0 to 1."""
     table: Annotated[str, tyro.conf.arg(help=TABLE_HELP)] = "full_size"
     points: Count = 7
     """Points that win the match."""
     fps: int = 60
     """Pictures for a second, 20 to 480."""
     sound: bool = True
-    """Off by itself where there is no audio device."""
+    """Play sounds. Where there is no audio device, there are none."""
     size: tuple[int, int] = (1280, 704)
     """Width and height of the window, px."""
     trust: Annotated[bool, tyro.conf.arg(help=TRUST_HELP)] = False

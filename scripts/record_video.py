@@ -39,16 +39,16 @@ class RecordArgs:
     opponent: str | None = None
     """The right player, named as the left one. By default the striker; a task without an opponent takes none."""
     task: Annotated[str, tyro.conf.arg(help=TASK_HELP)] = "match"
-    out: Path = Path("video.mp4")
-    """File to write: .mp4 or .gif."""
+    out: Path = Path("video.gif")
+    """File to write: .gif, or .mp4 (which needs the extra "video")."""
     seconds: float | None = None
     """Seconds of play to film. Default: 20, or all of a replay."""
     fps: int = 25
     """Pictures for a second, 1 to 50; of a replay at most one of every step."""
     width: int = 640
-    """px."""
+    """Width of the picture, px."""
     height: int = 344
-    """px."""
+    """Height of the picture, px."""
     table: Annotated[str, tyro.conf.arg(help=TABLE_HELP)] = "full_size"
     seed: int = 0
     """Seed of the serves."""

@@ -350,10 +350,16 @@ class TestPlayers:
         for name in (tmp_path, tmp_path / "policy.npz"):
             assert isinstance(load_player(str(name)), MlpPolicy)
 
+    def test_a_run_is_known_by_its_name(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(tmp_path)
+        Path("runs/mine").mkdir(parents=True)
+        some_policy().save("runs/mine/policy.npz")
+        assert isinstance(load_player("mine"), MlpPolicy)
+
     @pytest.mark.parametrize("name", ["nobody", "", "runs/none", "none.zip"])
     def test_what_is_none_of_these(self, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir(tmp_path)
-        with pytest.raises(FileNotFoundError, match="MODEL must be one of"):
+        with pytest.raises(FileNotFoundError, match="MODEL must be"):
             load_player(name)
 
 

@@ -309,7 +309,7 @@ def test_a_tiny_run_of_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         (("--algo", "dreamer"), "--algo must be one of"),
         (("--env", "CartPole-v1"), "--env must have a section in"),
         (("--obs-type", "sound"), "--obs-type must be one of"),
-        (("--algo", "sac", "--obs-type", "rgb"), "there is no file"),
+        (("--algo", "sac", "--obs-type", "rgb"), "--algo must be ppo for pictures"),
         (("--hyperparams", "none.yml"), "there is no file none.yml"),
         (("--hyperparams", "damaged.yml"), "is not a YAML file"),
         (("--hyperparams", "empty.yml"), "--env must have a section"),

@@ -31,7 +31,7 @@ TINY = (
     *("--eval-points", "2", "--report-points", "2", "--threads", "1"),
 )
 UPDATE = 8 * 16
-LAST_LINE = "Model, policy, TensorBoard logs"
+LAST_LINE = "model.zip, policy.npz, evaluations.json, training.png"
 
 
 def start(script: str, *arguments: str, folder: Path) -> subprocess.Popen[str]:
@@ -443,7 +443,7 @@ class TestRecordVideo:
     def test_a_missing_extra_is_named(self, call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
         (tmp_path / "video.mp4").write_text("old")
-        assert '".[video]"' in call("record_video", "idle", "--seconds", "0.2", fails=True)
+        assert '".[video]"' in call("record_video", "idle", "--seconds", "0.2", "--out", "video.mp4", fails=True)
         assert (tmp_path / "video.mp4").read_text() == "old"
 
 

@@ -51,8 +51,9 @@ def draw_ladder(ratings: Sequence[Rating], matches: Sequence[Match], title: str,
 
     names = [rating.player for rating in ratings]
     number = len(names)
-    figure = Figure(figsize=(6.5 + 0.75 * number, 1.8 + 0.55 * number), layout="constrained")
-    left, right = figure.subplots(1, 2, width_ratios=(5.5, 0.5 + 0.75 * number))
+    table = max(3.0, 0.5 + 0.75 * number)  # inches: its title needs 3
+    figure = Figure(figsize=(6.0 + table, max(3.0, 1.8 + 0.55 * number)), layout="constrained")
+    left, right = figure.subplots(1, 2, width_ratios=(5.5, table))
     figure.suptitle(title)
 
     values = np.array([rating.rating for rating in ratings])

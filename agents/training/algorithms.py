@@ -31,7 +31,7 @@ from agents.seeding import table_seeds
 from agents.training.algorithms_report import draw_run, print_run
 from agents.training.learning import ProgressBar, learning, seed_learning, seed_tables
 from agents.training.literals import read_kwargs
-from agents.training.runs import Clock, Records, RunFolder, load_buffer, logger, read_config, save
+from agents.training.runs import Clock, Records, RunFolder, load_buffer, logger, read_config, save, where_it_stands
 from agents.training.stopping import Stop, StopLearning, stopping
 from airhockey_env.game import OBS_TYPES
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
@@ -102,6 +102,8 @@ class AlgorithmArgs:
             raise ValueError(f"--algo must be one of {tuple(ALGORITHMS)}, got {self.algo!r}")
         if self.obs_type not in OBS_TYPES:
             raise ValueError(f"--obs-type must be one of {OBS_TYPES}, got {self.obs_type!r}")
+        if self.obs_type != "state" and self.hyperparams is None and not self.file.is_file():
+            raise ValueError(f"--algo must be ppo for pictures, unless --hyperparams names a file; got {self.algo!r}")
         most = math.inf
         check_ranges(
             self, steps=(1, most), seed=(0, 2**31 - 1), evaluations=(1, 10**6), eval_episodes=(1, most),
@@ -148,6 +150,7 @@ def read_section(path: Path, env_id: str) -> dict[str, Any]:
         sections = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (yaml.YAMLError, UnicodeDecodeError, ValueError, TypeError, RecursionError) as error:
         raise ValueError(f"{path} is not a YAML file: {error}") from error
+    env_id = env_id.rpartition(":")[2]  # of "airhockey_env:AirHockeyHit-v0"
     if not isinstance(sections, dict) or not isinstance(sections.get(env_id), dict):
         has = sorted(map(str, sections)) if isinstance(sections, dict) else "none"
         raise ValueError(f"--env must have a section in {path}, got {env_id!r}; it has {has}")
@@ -409,7 +412,10 @@ def _train(
 ) -> None:
     assert args.steps is not None
     steps = args.steps
-    print(f"{folder.path}: {steps:,} steps of {args.env} with {args.algo}. Ctrl-C stops early and keeps everything.")
+    print(
+        f"{folder.path}: {steps:,} steps of {args.env} with {args.algo} in all."
+        f"{where_it_stands(model.num_timesteps, steps)} Ctrl-C stops early and keeps everything."
+    )
     clock = Clock(history["updates"][-1]["seconds"] if history["updates"] else 0.0)
     model.set_logger(logger(folder, Records(history["updates"], clock)))
     watch = _Watch(folder, judge, args, history, clock, stop)
@@ -430,4 +436,4 @@ def _train(
     print_run(args.env, history)
     title = f"{args.algo} on {args.env}" + (f", {args.obs_type}" if args.obs_type != "state" else "")
     draw_run(history, title, folder.picture)
-    print(f"Model, policy, TensorBoard logs, evaluations and training.png: {folder.path}")
+    print(folder.files())

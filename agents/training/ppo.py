@@ -24,7 +24,7 @@ from agents.options import check_ranges, check_resumed, check_table
 from agents.sb3_files import load_weights, read_model
 from agents.training.league import League
 from agents.training.learning import ProgressBar, learning, seed_learning
-from agents.training.runs import HISTORY, Clock, Records, RunFolder, logger, read_config, save
+from agents.training.runs import HISTORY, Clock, Records, RunFolder, logger, read_config, save, where_it_stands
 from agents.training.stopping import Stop, StopLearning, stopping
 from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.opponents.players import Opponent
@@ -359,11 +359,12 @@ def _train(
     if practising:
         most = f"{args.warmup_success:.0%} of it succeeds, or for {args.warmup_steps:,} steps"
         plan = f"shooting practice until {most}; then {whom}"
-    print(f"{folder.path}: {steps:,} steps in all: {plan}. Ctrl-C stops early and keeps everything.")
-    if args.begins_with() is None and steps < ENOUGH_STEPS:
+    stands = where_it_stands(model.num_timesteps, steps)
+    print(f"{folder.path}: {steps:,} steps in all: {plan}.{stands} Ctrl-C stops early and keeps everything.")
+    if args.begins_with() is None and model.num_timesteps < steps < ENOUGH_STEPS:
         print(
             f"{steps:,} steps are few: with 2 million, an agent wins about half of the decided points against the "
-            "striker, and with 1 million hardly any (docs/training.md)."
+            "striker, and with 1 million a fifth or less (docs/training.md)."
         )
     bar = ProgressBar()
     others = [*callbacks, watch, bar, StopLearning(stop)]
@@ -450,4 +451,4 @@ def report(folder: RunFolder, args: TrainArgs, history: dict[str, Any], stop: St
     if args.video_seconds > 0:
         frames = frames_of_play(policy, args.opponent, args.video_seconds, size=(640, 344), table=args.table)
         write_video(folder.video, stop.between(frames))
-    print(f"Model, policy, TensorBoard logs, evaluations, training.png and video: {folder.path}")
+    print(folder.files())

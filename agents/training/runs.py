@@ -110,6 +110,12 @@ class RunFolder:
         folder._check_new()
         return folder
 
+    def files(self) -> str:
+        """The folder and what a user finds in it, for a command's last line."""
+        named = [self.model, self.policy, self.evaluations, self.picture, self.video]
+        there = [path.name for path in named if path.exists()]
+        return f"{self.path}: {', '.join(there)} and TensorBoard logs"
+
     def _check_new(self) -> None:
         if self.config.exists():
             raise FileExistsError(
@@ -209,6 +215,13 @@ def lock(file: IO[str]) -> None:
     elif msvcrt is not None:
         file.seek(2**30)  # a byte far behind the text, which others may read
         msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+
+
+def where_it_stands(done: int, steps: int) -> str:
+    """How much of a run is left, for its first line: empty for a new one."""
+    if done == 0:
+        return ""
+    return f" It goes on at {done:,}." if done < steps else f" It has {done:,} already: nothing is left to train."
 
 
 class Records(KVWriter):

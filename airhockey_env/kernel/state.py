@@ -28,7 +28,7 @@ PHYSICS = np.dtype(
     [
         ("spec", np.float64, (15,)),  # the TableSpec's fields in their order; all else follows from these,
         ("tick", np.float64),  # s, one control step,
-        ("clock_limit", np.int64),  # and ticks of the shot clock: see physics.derive
+        ("clock_limit", np.int64),  # and ticks of the shot clock: see parameters.derive
         *((name, SURFACE[name]) for name in SURFACE.names or ()),
         ("radius", np.float64, (3,)),  # m: left paddle, right paddle, puck
         ("inverse_mass", np.float64, (3,)),  # 1/kg
@@ -60,7 +60,7 @@ TABLE = np.dtype(
         ("clock", np.int32),  # ticks since the puck came to the side that it is on
         ("side", np.int8),  # that side: -1 left, +1 right
         ("done", np.bool_),  # the episode is over and the next has not begun
-        ("player", np.int8, (2,)),  # who drives the left and the right paddle, see opponents
+        ("player", np.int8, (2,)),  # who drives the left and the right paddle, see scripted
         ("opponent", np.int64),  # its place in the game's pool of opponents
         ("score", np.int32, (2,)),  # points: left, right
         ("skill", np.float64, (2,)),  # share of its speed that a scripted player uses

@@ -104,7 +104,7 @@ def start_defend(table, physics):
     speed = min(draw_between(table, 2.0, 9.0), physics.puck_speed)
     goal_y = (physics.half_goal - physics.radius[PUCK]) * draw_between(table, -1.0, 1.0)
     course = draw(table)
-    if course < 0.5:  # off a wall, towards the image of the goal (see opponents)
+    if course < 0.5:  # off a wall, towards the image of the goal (see scripted)
         side = 1.0 if course < 0.25 else -1.0
         bend = physics.wall_tangential / max(physics.wall_restitution, 0.1)
         goal_y = side * wall + bend * (side * wall - goal_y)
