@@ -131,7 +131,7 @@ class AirHockeyEnv(TableFace, gym.Env):
     | `reward` | `"sparse"` or `"shaped"` | `"sparse"` |
     | `control_hz` | 10 to 240: control steps per second | 50 |
     | `randomize` | None, or a mapping from `TableSpec` fields to (low, high): drawn anew for every episode | None |
-    | `max_episode_steps` | steps after which an episode is truncated; None: those of the task's id, see above; -1: no limit. `gymnasium.make` truncates around the environment, so without it there is no limit unless it is given | -1 |
+    | `max_episode_steps` | steps after which an episode is truncated; None: those of the task's id, see above; -1: no limit. `gymnasium.make` puts the limit into a wrapper around the environment; the class alone has none by default | -1 |
     | `render_mode` | None, `"rgb_array"`, `"human"` | None |
     | `render_size` | (width, height) px or None | None |
 
