@@ -109,7 +109,7 @@ class TableFace(Face):
     def _info_of(self, score: NDArray[np.int32], success: bool) -> dict[str, Any]:
         """What a player is told, who has this score."""
         game = self._game
-        info: dict[str, Any] = {"score": score, "foul": bool(game.out.foul[0]), "is_success": success}
+        info: dict[str, Any] = {"score": score, "foul": game.out.foul.item(), "is_success": success}
         if game.randomized:
             info["table"] = {name: value[0] for name, value in game.drawn().items()}
         return info

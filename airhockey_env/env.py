@@ -204,7 +204,6 @@ class AirHockeyEnv(TableFace, gym.Env):
             self.render()
         return self._observation(), self._info_of(self._game.tables["score"][0].copy(), False)
 
-    @one_at_a_time
     def step(self, action: Any) -> tuple[NDArray[Any], float, bool, bool, dict[str, Any]]:
         """Play one control step.
 
@@ -212,13 +211,14 @@ class AirHockeyEnv(TableFace, gym.Env):
             ValueError: the action has the wrong shape or is not finite. Nothing has changed then.
             gymnasium.error.ResetNeeded: the episode is over, or none has begun.
         """
-        game, out = self._game, self._game.out
-        game.step(game.check_action(action))
-        terminated = bool(out.terminated[0])
-        info = self._info_of(game.tables["score"][0].copy(), bool(out.success[0]))
-        if self.render_mode == "human":
-            self.render()
-        return self._observation(), float(out.reward[0]), terminated, bool(out.truncated[0]), info
+        game = self._game
+        with game.threads.lock:  # as `one_at_a_time`, quickly
+            game.step(game.check_action(action))
+            out = game.out
+            info = self._info_of(out.score[0].copy(), out.success.item())
+            if self.render_mode == "human":
+                self.render()
+            return self._observation(), out.reward.item(), out.terminated.item(), out.truncated.item(), info
 
     @property
     def opponent_skill(self) -> float:

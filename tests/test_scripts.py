@@ -211,7 +211,7 @@ class TestTrainPpo:
         assert process.returncode == 0, printed
         assert "Traceback" not in printed
         assert "Go on with: python -m scripts.train_ppo --resume runs/stopped" in printed.replace("\n", " ")
-        assert printed.rstrip().endswith("runs/stopped")
+        assert printed.rstrip().splitlines()[-1].startswith("runs/stopped: model.zip, policy.npz")
         steps = read_model(folder / "model.zip").data["num_timesteps"]
         history = json.loads((folder / "evaluations.json").read_text())
         assert history["evaluations"]

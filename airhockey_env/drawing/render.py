@@ -147,14 +147,13 @@ def _pixel_size(value: Any) -> tuple[int, int]:
 
 def _points(value: Any) -> tuple[int, int]:
     """Return a score as two ints, or raise the ValueError that `Renderer.draw` documents."""
-    problem = f"score must be two ints from 0 (left, right), got {shown(value)}"
     try:
         left, right = value
         left, right = operator.index(left), operator.index(right)
     except (TypeError, ValueError):
-        raise ValueError(problem) from None
+        left = right = -1
     if min(left, right) < 0:
-        raise ValueError(problem)
+        raise ValueError(f"score must be two ints from 0 (left, right), got {shown(value)}")
     return left, right
 
 
@@ -204,13 +203,12 @@ class Renderer:
         Raises:
             ValueError: an argument is not as described; the message names it and what was given.
         """
-        problem = f"positions must be finite and of shape (3, 2), got {shown(positions)}"
         try:
             places = np.asarray(positions, dtype=np.float64)
-        except (OverflowError, TypeError, ValueError) as error:
-            raise ValueError(problem) from error
+        except (OverflowError, TypeError, ValueError):
+            places = np.empty(0)
         if places.shape != (3, 2) or not np.isfinite(places).all():
-            raise ValueError(problem)
+            raise ValueError(f"positions must be finite and of shape (3, 2), got {shown(positions)}")
         used = as_float(clock)
         if used is None or not -1.0 <= used <= 1.0:
             raise ValueError(f"clock must be from -1 to 1, got {shown(clock)}")
