@@ -301,7 +301,7 @@ FOR_TWO = ("AirHockey-v0", "AirHockeyMatch-v0")
     ("name", "way"), [(name, way) for name in IDS for way in WAYS if way != "parallel" or name in FOR_TWO]
 )
 def test_a_time_limit_means_the_same_in_every_api(name, way):
-    """That of Gymnasium: None is what the id registers, and -1 none at all."""
+    """The limit means what it means in Gymnasium: None is what the id registers, and -1 is no limit."""
     registered = gym.spec(name).max_episode_steps
     make = WAYS[way]
     assert truncated_by(make(name, max_episode_steps=None)) == registered
