@@ -345,7 +345,7 @@ class TestEvaluate:
 
     def test_a_scripted_player(self, call: Call) -> None:
         printed = call("evaluate", "striker", "--opponent", "goalie", "--episodes", "20")
-        assert "20 points each, half of them on each side" in printed
+        assert "20 points each, half of them on each side" in " ".join(printed.split())  # narrow terminals break lines
         assert printed == call("evaluate", "striker", "--opponent", "goalie", "--episodes", "20")
         assert printed != call("evaluate", "striker", "--opponent", "goalie", "--episodes", "20", "--seed", "1")
 
