@@ -287,7 +287,7 @@ class LiveMatch:
     def _step(self, events: list[Event]) -> None:
         table, game = self._table, self._game
         self._before = self._state()
-        velocity, side, score = table["velocity"].copy(), int(table["side"]), self._now_score()
+        velocity, score = table["velocity"].copy(), self._now_score()
         if self._policy is not None and self._steps % self._hold == 0:
             self._answer = game.check_actions(self._policy(game.out.other_observation)) * self._skill
         self._steps += 1
@@ -302,7 +302,7 @@ class LiveMatch:
                 self._stop(events, math.inf, "won" if won else "lost", velocity)
             else:
                 self._stop(events, POINT_PAUSE, "goal" if won else "conceded", velocity)
-        elif int(table["side"]) != side and not table["velocity"][PUCK].any():  # a puck that crossed the line moves
+        elif game.out.foul[0]:
             self._stop(events, FOUL_PAUSE, "foul", velocity)
 
     def _action(self) -> tuple[float, float]:

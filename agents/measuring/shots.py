@@ -71,10 +71,9 @@ class Recorder:
     def note(self, running: NDArray[np.bool_]) -> None:
         """Note a step that the tables of the mask (N,) have played."""
         tables, out = self._game.tables, self._game.out
-        goal = np.where(running, np.sign(out.reward), 0).astype(np.int8)  # +1: in the goal at +x
+        goal = np.where(running, out.point, 0)  # +1: in the goal at +x
         changed = running & (goal == 0) & (tables["side"] != self._side)
-        # A puck that crosses the centre line moves. After a foul it is served, and everything rests.
-        foul = changed & ~tables["velocity"].any(axis=(1, 2))
+        foul = changed & out.foul  # and the other side has been served the puck
         crossed = changed & ~foul
         fresh = self._note_contacts(np.flatnonzero(running & (tables["n_contacts"] > 0)), kept=~foul)
 
