@@ -192,7 +192,7 @@ def play_points(
                     if note is not None:
                         note(running)
                     ended = running & (game.out.terminated | game.out.truncated)
-                    won = game.out.terminated & ((game.out.reward > 0.0) == (own == LEFT))
+                    won = game.out.terminated & ((game.out.point > 0) == (own == LEFT))
                     steps += int(running.sum())
                     wins += int((ended & won).sum())
                     losses += int((ended & game.out.terminated & ~won).sum())
