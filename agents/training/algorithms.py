@@ -26,12 +26,21 @@ from agents.counts import Count, OptionalCount
 from agents.files import COUNT, NUMBER, read_json, write_json
 from agents.measuring.evaluation import CONTROL_HZ, wilson_interval
 from agents.options import check_ranges, check_resumed
-from agents.sb3_files import load_weights
 from agents.seeding import table_seeds
 from agents.training.algorithms_report import draw_run, print_run
 from agents.training.learning import ProgressBar, learning, seed_learning, seed_tables
 from agents.training.literals import read_kwargs
-from agents.training.runs import Clock, Records, RunFolder, load_buffer, logger, read_config, save, where_it_stands
+from agents.training.runs import (
+    Clock,
+    Records,
+    RunFolder,
+    load_buffer,
+    logger,
+    read_config,
+    save,
+    take_up,
+    where_it_stands,
+)
 from agents.training.stopping import Stop, StopLearning, stopping
 from airhockey_env.game import OBS_TYPES
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
@@ -360,7 +369,9 @@ def train(args: AlgorithmArgs, callbacks: Sequence[BaseCallback] = ()) -> RunFol
             del settings["trust"]  # is asked for with every command
             write_json(folder.config, {**settings, "section": section})  # last: what has it can be resumed
         else:
-            history = _take_up(folder, asked, model)
+            history = take_up(folder, HISTORY, model, asked)
+            if isinstance(model, OffPolicyAlgorithm):
+                load_buffer(model.replay_buffer, folder.buffer)
         judge = make_env(args.env, hyperparameters, min(args.eval_episodes, EPISODES_AT_ONCE))
         _train(folder, args, model, env, judge, history, callbacks, stop)
     return folder
@@ -386,18 +397,6 @@ def _go_on(args: AlgorithmArgs, stack: contextlib.ExitStack) -> tuple[RunFolder,
     stack.enter_context(folder.locked())
     section = read_json(folder.config, {"section": {}})["section"]
     return folder, dataclasses.replace(kept, steps=args.steps or kept.steps), section
-
-
-def _take_up(folder: RunFolder, asked: int | None, model: BaseAlgorithm) -> dict[str, Any]:
-    """Load what a run has learned into a fresh model; its records."""
-    history = read_json(folder.evaluations, HISTORY)
-    history = {name: history[name] for name in HISTORY}
-    load_weights(model, folder.model)
-    if asked is not None and model.num_timesteps >= asked + model.n_envs * getattr(model, "n_steps", 1):
-        raise ValueError(f"the run has {model.num_timesteps:,} steps: --steps must be more, got {asked:,}")
-    if isinstance(model, OffPolicyAlgorithm):
-        load_buffer(model.replay_buffer, folder.buffer)
-    return history
 
 
 def _train(

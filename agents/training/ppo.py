@@ -17,14 +17,14 @@ from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.counts import Count, OptionalCount
 from agents.features import RelativeFeatures
-from agents.files import read_json, write_json
+from agents.files import write_json
 from agents.measuring.evaluation import OPPONENTS, play_points
 from agents.models import export_policy
 from agents.options import check_ranges, check_resumed, check_table
-from agents.sb3_files import load_weights, read_model
+from agents.sb3_files import read_model
 from agents.training.league import League
 from agents.training.learning import ProgressBar, learning, seed_learning
-from agents.training.runs import HISTORY, Clock, Records, RunFolder, logger, read_config, save, where_it_stands
+from agents.training.runs import HISTORY, Clock, Records, RunFolder, logger, read_config, save, take_up, where_it_stands
 from agents.training.stopping import Stop, StopLearning, stopping
 from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.opponents.players import Opponent
@@ -314,13 +314,9 @@ def _go_on(
     asked = args.steps
     args = dataclasses.replace(kept, steps=asked or kept.steps).resolved()
     args.check()
-    history = read_json(folder.evaluations, HISTORY)
-    history = {name: history[name] for name in HISTORY}
     torch.set_num_threads(args.threads)
     model, league = make_model(args, make_env(args)), args.league()
-    load_weights(model, folder.model)
-    if asked is not None and model.num_timesteps >= asked + args.num_envs * args.n_steps:
-        raise ValueError(f"the run has {model.num_timesteps:,} steps: --steps must be more, got {asked:,}")
+    history = take_up(folder, HISTORY, model, asked)
     if league is not None:
         league.load(folder.path)
     return folder, args, model, league, history

@@ -34,6 +34,7 @@ from agents.files import (
     write_json,
 )
 from agents.models import export_policy
+from agents.sb3_files import load_weights
 from airhockey_env.files import read_arrays
 from airhockey_env.kernel.state import OBSERVATION_SIZE
 
@@ -215,6 +216,24 @@ def lock(file: IO[str]) -> None:
     elif msvcrt is not None:
         file.seek(2**30)  # a byte far behind the text, which others may read
         msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+
+
+def take_up(folder: RunFolder, pattern: dict[str, Any], model: BaseAlgorithm, asked: int | None) -> dict[str, Any]:
+    """Load what a run has learned into a freshly built model; returns the run's records.
+
+    Args:
+        pattern: what its file of records has, for `read_json`.
+        asked: the steps in all that the command line asks for.
+
+    Raises:
+        OSError, ValueError: a file is missing or damaged, or the run has more steps than asked for already.
+    """
+    history = read_json(folder.evaluations, pattern)
+    load_weights(model, folder.model)
+    rollout = model.n_envs * getattr(model, "n_steps", 1)  # off-policy algorithms collect a step at a time
+    if asked is not None and model.num_timesteps >= asked + rollout:
+        raise ValueError(f"the run has {model.num_timesteps:,} steps: --steps must be more, got {asked:,}")
+    return {name: history[name] for name in pattern}
 
 
 def where_it_stands(done: int, steps: int) -> str:
