@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 from agents.counts import Count, OptionalCount
 from agents.options import check_ranges
 from scripts._command import run_command
-from scripts.torturing.cases import Case
-from scripts.torturing.hostile import play_hostile
+from tests.torture.cases import Case
+from tests.torture.hostile import play_hostile
 
 if TYPE_CHECKING:
-    from scripts.torturing.chamber import Tally
+    from tests.torture.chamber import Tally
 
-REGRESSIONS = Path(__file__).parents[1] / "tests" / "regressions"
+REGRESSIONS = Path(__file__).parents[1] / "tests" / "torture" / "regressions"
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,8 @@ def torture_chamber(args: TortureArgs) -> None:
     """
     from tqdm import tqdm
 
-    from scripts.torturing.chamber import Tally, save_cases, torture
-    from scripts.torturing.trial import play_case
+    from tests.torture.chamber import Tally, save_cases, torture
+    from tests.torture.trial import play_case
 
     check_ranges(args, seconds=(0, 1e9), steps=(1, 10**15), seed=(0, 10**9), first=(0, 10**9), jobs=(1, 1024))
     if args.replay is not None:

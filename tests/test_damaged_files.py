@@ -31,7 +31,7 @@ from agents.training.self_play import SelfPlayArgs
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.replay import RecordReplay, Replay, play_back
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
-from scripts.torturing.cases import Case
+from tests.torture.cases import Case
 
 Read = Callable[[Path], Any]
 

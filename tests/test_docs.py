@@ -20,7 +20,7 @@ from airhockey_env import AirHockeyEnv
 from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.parallel_env import AirHockeyParallelEnv
-from tests.faces import IDS
+from tests.helpers import IDS
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

@@ -17,7 +17,7 @@ import pytest
 
 import airhockey_env
 from airhockey_env.opponents.policy import MlpPolicy
-from tests.faces import IDS
+from tests.helpers import IDS
 
 ROOT = Path(__file__).parents[1]
 

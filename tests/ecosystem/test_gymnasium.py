@@ -15,7 +15,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers import vector
 
 import airhockey_env  # noqa: F401
-from tests.faces import random_actions, same
+from tests.helpers import random_actions, same
 
 RGB = {"obs_type": "rgb"}
 PICTURES = {"render_mode": "rgb_array"}

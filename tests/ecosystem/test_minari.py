@@ -13,7 +13,7 @@ import pytest
 
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.tables import PRESETS
-from tests.faces import same
+from tests.helpers import same
 
 ID = "airhockey_env:AirHockey-v0"
 HEAVY = dataclasses.replace(PRESETS["full_size"], puck_mass=0.02)

@@ -1,0 +1,172 @@
+"""Models that see pictures or stacks of observations, at the table as in their training."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecTransposeImage
+
+from agents.human.live_match import START_PAUSE, LiveMatch
+from agents.measuring.evaluation import play_points, play_task
+from agents.models import ModelPlayer, Seat, load_player
+from agents.training.algorithms import HYPERPARAMS, AlgorithmArgs, train
+from airhockey_env.game import Game
+from airhockey_env.kernel.state import AUTORESET_SAME_STEP
+from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
+from tests.commands import test_scripts
+from tests.commands.test_scripts import Call
+
+call = test_scripts.call
+
+pytestmark = pytest.mark.filterwarnings("ignore:rich is experimental")
+
+
+@pytest.fixture(scope="module")
+def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a tiny run of scripts.train that sees three rgb pictures."""
+    folder = tmp_path_factory.mktemp("pictures")
+    text = (HYPERPARAMS / "ppo_pixels.yml").read_text()
+    for name, value in (("n_envs", 2), ("n_steps", 4), ("batch_size", 8), ("n_epochs", 1)):
+        before = next(line for line in text.splitlines() if line.startswith(f"  {name}:"))
+        text = text.replace(before, f"  {name}: {value}")
+    (folder / "tiny.yml").write_text(text)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        args = AlgorithmArgs(
+            env="AirHockeyDefend-v0", obs_type="rgb", hyperparams=Path("tiny.yml"), name="tiny", steps=8,
+            evaluations=1, eval_episodes=2, report_episodes=2,
+        )  # fmt: skip
+        train(args)
+    return folder / "runs" / "tiny"
+
+
+@pytest.mark.parametrize(("obs_type", "frames"), [("rgb", 3), ("grayscale", 2), ("grayscale", 1), ("state", 4)])
+@pytest.mark.parametrize("first", [True, False])
+def test_a_model_sees_what_its_training_shows(obs_type: str, frames: int, first: bool) -> None:
+    """At episodes' ends too; `first`: pictures are transposed before they are stacked, which is what scripts.train
+    does, or after that, as Stable-Baselines3 does by itself."""
+    arguments = {"task": "defend", "opponent": "idle", "max_episode_steps": 40}
+    env: VecEnv = AirHockeySB3VecEnv(3, obs_type=obs_type, **arguments)
+    transpose = (lambda env: env) if obs_type == "state" else VecTransposeImage
+    env = VecFrameStack(transpose(env), frames) if first else transpose(VecFrameStack(env, frames))
+    env.seed(5)
+    given: list[np.ndarray] = []
+
+    def answer(seen: np.ndarray) -> np.ndarray:
+        given.append(seen.copy())
+        return np.full((len(seen), 2), 0.3, np.float32)
+
+    game = Game(3, autoreset=AUTORESET_SAME_STEP, **arguments)
+    seat = Seat(ModelPlayer(answer, obs_type, frames))
+    seat.join(game)
+    game.seed([5, 6, 7])
+    game.reset()
+    expected, ended = env.reset(), 0
+    for _ in range(90):
+        actions = seat(game.out.observation)
+        assert given[-1].dtype == expected.dtype
+        np.testing.assert_array_equal(given[-1], expected)
+        game.step(actions)
+        expected, _, dones, _ = env.step(actions)
+        ended += int(dones.sum())
+    assert ended > 3
+
+
+def test_the_evaluation_plays_what_the_model_predicts(pictures: Path) -> None:
+    player = load_player(str(pictures))
+    assert isinstance(player, ModelPlayer)
+    assert (player.obs_type, player.frames) == ("rgb", 3)
+    model = PPO.load(pictures / "model.zip", device="cpu")
+    answer, rows = player.answer, []
+
+    def checked(seen: np.ndarray) -> np.ndarray:
+        actions = answer(seen)
+        np.testing.assert_array_equal(actions, model.predict(seen, deterministic=True)[0])
+        rows.append(len(seen))
+        return actions
+
+    checking = ModelPlayer(checked, player.obs_type, player.frames)
+    result = play_task(checking, "defend", 2)
+    assert result == play_task(player, "defend", 2) and result.episodes == 2
+    assert set(rows) == {2}, "both episodes at once"
+    rows.clear()
+    against = play_points(checking, checking, 2, max_episode_steps=20)
+    assert against.points == 2
+    assert set(rows) == {1}
+
+
+def test_both_sides_see_their_own_picture() -> None:
+    """On a table that is the same from both sides, mirrored games give mirrored views."""
+    seen: dict[str, list[np.ndarray]] = {"left": [], "right": []}
+
+    def seat(side: str) -> Seat:
+        def answer(frames: np.ndarray) -> np.ndarray:
+            seen[side].append(frames.copy())
+            return np.zeros((len(frames), 2), np.float32)
+
+        return Seat(ModelPlayer(answer, "rgb", 1))
+
+    game = Game(1, opponent=None)
+    left, right = seat("left"), seat("right")
+    left.join(game), right.join(game)
+    game.seed([0])
+    game.reset()
+    game.step(left(game.out.observation), right(game.out.other_observation))
+    (one,), (other,) = seen["left"], seen["right"]
+    assert not np.array_equal(one, other), "the puck is on one side"
+    own = (one == np.array([255, 138, 156], np.uint8)[:, None, None]).all(axis=1)
+    theirs = (other == np.array([255, 138, 156], np.uint8)[:, None, None]).all(axis=1)
+    assert own.any()
+    np.testing.assert_array_equal(own[..., 6:, :], theirs[..., 6:, :])  # each has itself on the left, below the clock
+
+
+def test_the_commands_take_a_run_of_pictures(pictures: Path, tmp_path: Path, call: Call) -> None:
+    call("evaluate", str(pictures), "--task", "defend", "--episodes", "2", "--json", "task.json")
+    assert json.loads((tmp_path / "task.json").read_text())["results"][0]["episodes"] == 2
+    call("ladder", "--only", str(pictures), "idle", "--points", "2", "--json", "ladder.json")
+    rated = json.loads((tmp_path / "ladder.json").read_text())["ratings"]
+    assert {row["player"] for row in rated} == {"tiny", "idle"}
+    call("record_video", str(pictures), "--task", "hit", "--seconds", "0.2", "--out", "hit.gif")
+    call("record_video", "idle", "--opponent", str(pictures), "--seconds", "0.2", "--out", "match.gif")
+    assert (tmp_path / "hit.gif").read_bytes().startswith(b"GIF")
+    assert (tmp_path / "match.gif").read_bytes().startswith(b"GIF")
+
+
+def test_it_plays_against_a_person(pictures: Path) -> None:
+    match = LiveMatch(load_player(str(pictures)), seed=0)
+    match.restart(0.0)
+    before = match.positions[1].copy()
+    match.advance(START_PAUSE, (0.0, 0.0))
+    for k in range(1, 8):
+        match.advance(START_PAUSE + 0.05 * k, (0.0, 0.0))
+    assert np.isfinite(match.positions).all()
+    assert not np.array_equal(match.positions[1], before), "it has moved"
+
+
+def test_channels_that_may_be_both_are_not_guessed(pictures: Path, tmp_path: Path) -> None:
+    alone = tmp_path / "model.zip"
+    alone.write_bytes((pictures / "model.zip").read_bytes())
+    with pytest.raises(ValueError, match=r"9 channels, which may be rgb or grayscale.*obs_type"):
+        load_player(str(alone))
+    for kind, frames in (("rgb", 3), ("grayscale", 9)):
+        (tmp_path / "config.json").write_text(json.dumps({"obs_type": kind}))
+        player = load_player(str(alone))
+        assert isinstance(player, ModelPlayer)
+        assert (player.obs_type, player.frames) == (kind, frames)
+    for config in ('{"obs_type": "sound"}', "{", "[" * 100_000):
+        (tmp_path / "config.json").write_text(config)
+        with pytest.raises(ValueError, match=r"config\.json"):
+            load_player(str(alone))
+
+
+def test_a_plain_model_and_a_function_by_command(tmp_path: Path, call: Call) -> None:
+    env = AirHockeySB3VecEnv(2, continuous=False)
+    PPO("MlpPolicy", VecFrameStack(env, 2), n_steps=4, batch_size=8, device="cpu").save(tmp_path / "mine.zip")
+    (tmp_path / "my_chaser.py").write_text("def chase(seen):\n    return 5 * (seen[:, 8:10] - seen[:, 0:2])\n")
+    printed = call("evaluate", "mine.zip", "--opponent", "my_chaser:chase", "--episodes", "2")
+    assert "my_chaser:chase" in printed
+    call("record_video", "my_chaser:chase", "--task", "hit", "--seconds", "0.1", "--out", "hit.gif")

@@ -1,0 +1,129 @@
+"""Self-play: whom an agent meets in a league while it trains, and what a resumed run takes up."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agents.training.league import LATEST, LEAST_PRIORITY, League, Member
+from agents.training.ppo import make_env, make_model
+from agents.training.self_play import SelfPlayArgs
+from tests.agents.test_agents import some_policy
+
+UPDATE = 6 * 8
+ARGS = SelfPlayArgs(
+    num_envs=6,
+    n_steps=8,
+    batch_size=16,
+    net_width=8,
+    opponents=("striker", "idle"),
+    snapshot_every=UPDATE,
+    most_past_selves=2,
+)
+
+
+def learn(steps: int, args: SelfPlayArgs = ARGS) -> League:
+    league = args.league()
+    make_model(args, make_env(args, opponents=league.pool)).learn(steps, callback=league)
+    return league
+
+
+class TestMember:
+    def test_records(self) -> None:
+        member = Member("somebody")
+        for won, drawn in ((1.0, 0.0), (0.5, 1.0), (0.0, 0.0), (0.5, 1.0)):
+            member.record(won, drawn)
+        assert (member.points, member.won, member.drawn) == (4, pytest.approx(0.5), pytest.approx(0.5))
+
+    def test_old_points_are_forgotten(self) -> None:
+        member = Member("somebody")
+        for _ in range(1000):
+            member.record(0.0, 0.0)
+        for _ in range(2000):
+            member.record(1.0, 0.0)
+        assert member.won > 0.99
+
+    def test_harder_ones_come_first(self) -> None:
+        priorities = [Member("", won=won).priority for won in (0.0, 0.3, 0.8, 1.0)]
+        assert priorities == sorted(priorities, reverse=True)
+        assert priorities[-1] == LEAST_PRIORITY > 0.0
+
+
+class TestLeague:
+    def test_draws_follow_the_priorities(self) -> None:
+        league = ARGS.league()
+        league.members[1].won, league.members[2].won = 0.5, 0.0  # priorities 1/4 and 1
+        drawn = np.bincount(league.draw(20_000), minlength=3) / 20_000
+        np.testing.assert_allclose(drawn, [0.75, 0.25 / 5, 0.25 * 4 / 5], atol=0.02)  # no past selves yet
+        league.past = {3: some_policy(), 4: some_policy()}
+        league.members += [Member("one", won=0.0), Member("other", won=1.0)]
+        drawn = np.bincount(league.draw(20_000), minlength=5) / 20_000
+        hard, easy = 1.0 / (1.0 + LEAST_PRIORITY), LEAST_PRIORITY / (1.0 + LEAST_PRIORITY)
+        np.testing.assert_allclose(drawn, [0.3, 0.05, 0.2, 0.45 * hard, 0.45 * easy], atol=0.02)
+
+    def test_past_selves_join_and_the_weakest_leaves(self) -> None:
+        league = learn(6 * UPDATE)
+        assert [member.name for member in league.members[:3]] == [LATEST, "striker", "idle"]
+        assert len(league.members) == 5
+        assert sorted(league.past) == [3, 4]
+        pool = league.tables.opponents
+        assert pool[1:3] == ("striker", "idle")
+        assert pool[3:] == (league.past[3], league.past[4])
+        names = {league.members[k].name for k in league.past}
+        assert f"self at {5 * UPDATE}" in names, "the newest one"
+        assert "self at 0" not in names, "the weakest, or the first among equals"
+
+    def test_the_latest_self_is_the_agent(self) -> None:
+        league = learn(3 * UPDATE)
+        latest = league.tables.opponents[0]
+        newest = next(k for k in league.past if league.members[k].name == f"self at {2 * UPDATE}")
+        seen = np.random.default_rng(0).uniform(-1.0, 1.0, (5, 13)).astype(np.float32)
+        np.testing.assert_array_equal(latest(seen), league.past[newest](seen))
+
+    def test_points_are_counted_for_who_played_them(self) -> None:
+        args = dataclasses.replace(
+            ARGS, opponents=("striker",), latest_share=0.0, scripted_share=1.0, snapshot_every=10**9
+        )
+        latest, striker, past = learn(60 * UPDATE, args).members
+        assert latest.points == 0
+        assert striker.points > 0
+        assert striker.won < 0.5, "untrained, it loses to the striker"
+        assert 0.0 <= past.won <= 1.0
+
+    def test_save_and_load(self, tmp_path: Path) -> None:
+        league = learn(6 * UPDATE)
+        league.save(tmp_path)
+        league.save(tmp_path)
+        assert len(list((tmp_path / "league").iterdir())) == 2
+        loaded = ARGS.league()
+        loaded.load(tmp_path)
+        assert loaded.members == league.members
+        assert loaded.due == league.due
+        seen = np.random.default_rng(0).uniform(-1.0, 1.0, (5, 13)).astype(np.float32)
+        for number, policy in league.past.items():
+            np.testing.assert_array_equal(loaded.past[number](seen), policy(seen))
+            np.testing.assert_array_equal(loaded.pool[number](seen), policy(seen))
+
+    @pytest.mark.parametrize("damage", ["", "{}", "[]", '{"due": 0, "members": [{"file": null}]}', '{"members": 3}'])
+    def test_damaged_files(self, damage: str, tmp_path: Path) -> None:
+        league = ARGS.league()
+        league.save(tmp_path)
+        (tmp_path / "league.json").write_text(damage)
+        with pytest.raises(ValueError, match=r"league\.json"):
+            league.load(tmp_path)
+
+    def test_a_past_self_that_is_missing(self, tmp_path: Path) -> None:
+        league = learn(3 * UPDATE)
+        league.save(tmp_path)
+        next((tmp_path / "league").iterdir()).unlink()
+        with pytest.raises(FileNotFoundError):
+            ARGS.league().load(tmp_path)
+
+    def test_the_file_is_json(self, tmp_path: Path) -> None:
+        ARGS.league().save(tmp_path)
+        members = json.loads((tmp_path / "league.json").read_text())["members"]
+        assert [row["name"] for row in members] == [LATEST, "striker", "idle"]

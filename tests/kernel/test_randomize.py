@@ -1,0 +1,164 @@
+"""Tables drawn anew for every episode."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.wrappers.vector import DictInfoToList
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv, TableSpec
+from airhockey_env.kernel.parameters import FIELDS, check_ranges, physics_record
+from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
+from airhockey_env.tables import FULL_SIZE
+from tests.helpers import random_actions, same
+
+RANGES = {"puck_radius": (0.03, 0.045), "length": (2.0, 2.6), "drag_linear": (0.0, 0.4), "paddle_speed": (3.0, 6.0)}
+
+
+def test_fields_are_those_of_a_spec_in_their_order():
+    physics = physics_record(FULL_SIZE, 50)
+    assert tuple(field.name for field in dataclasses.fields(TableSpec)) == FIELDS
+    assert physics["spec"].shape == (1, len(FIELDS))
+    assert TableSpec(*physics["spec"][0].tolist()) == FULL_SIZE
+
+
+def test_every_episode_of_every_table_has_its_own_table_within_the_ranges():
+    envs = AirHockeyVectorEnv(300, randomize=RANGES, max_episode_steps=3)
+    seen = []
+    _, infos = envs.reset(seed=0)
+    seen.append(infos["table"])
+    for actions in random_actions(0, 8, 300):
+        *_, infos = envs.step(actions)
+    seen.append(infos["table"])  # third episode
+    for table in seen:
+        for name, (low, high) in RANGES.items():
+            assert ((table[name] >= low) & (table[name] < high)).all()
+            assert len(np.unique(table[name])) == 300
+            assert table[name].min() < low + 0.1 * (high - low) < high - 0.1 * (high - low) < table[name].max()
+    assert not set(seen[0]["length"]) & set(seen[1]["length"])
+    assert envs.table[7].length == seen[1]["length"][7]
+    assert envs.table[7].width == FULL_SIZE.width
+
+
+def test_the_table_holds_for_an_episode_and_is_what_is_played_on():
+    env = gym.make("AirHockey-v0", randomize=RANGES, opponent="idle", max_episode_steps=40)
+    _, info = env.reset(seed=3)
+    table = env.unwrapped.table
+    assert info["table"] == {name: getattr(table, name) for name in RANGES}
+    plain = gym.make("AirHockey-v0", table=table, opponent="idle", max_episode_steps=40)
+    plain.reset(seed=3)
+    start = plain.unwrapped.get_state()
+    drawn = env.unwrapped.get_state()
+    start[:] = drawn["table"]
+    plain.unwrapped.set_state(start)
+    for actions in random_actions(4, 40, 1):
+        ours, theirs = env.step(actions[0]), plain.step(actions[0])
+        assert same(ours[0], theirs[0])
+        assert ours[1:4] == theirs[1:4]
+        assert ours[4]["table"] == info["table"]
+    assert env.reset()[1]["table"] != info["table"]
+
+
+def test_states_hold_the_table_too():
+    envs = AirHockeyVectorEnv(6, randomize=RANGES, max_episode_steps=15)
+    envs.reset(seed=1)
+    state = envs.get_state()
+    first = [envs.step(actions) for actions in random_actions(2, 40, 6)]
+    envs.set_state(state)
+    second = [envs.step(actions) for actions in random_actions(2, 40, 6)]
+    assert all(same(one[:4], other[:4]) for one, other in zip(first, second, strict=True))
+    assert same(first[-1][4]["table"], second[-1][4]["table"])
+    with pytest.raises(ValueError, match="state must be what get_state returned"):
+        envs.set_state(AirHockeyVectorEnv(6).get_state())
+
+
+def test_stable_baselines_infos_name_the_table_of_the_episode_that_ended():
+    envs = AirHockeySB3VecEnv(4, randomize=RANGES, max_episode_steps=5)
+    envs.seed(0)
+    envs.reset()
+    before = envs._game.drawn()
+    for actions in random_actions(5, 5, 4):
+        _, _, dones, infos = envs.step(actions)
+    assert dones.all()
+    for i, info in enumerate(infos):
+        assert info["table"] == {name: before[name][i] for name in RANGES}
+
+
+@pytest.mark.parametrize(
+    ("randomize", "message"),
+    [
+        ({"goal_with": (0.2, 0.3)}, "randomize may name .*got 'goal_with'"),
+        ({"length": (2.6, 2.0)}, r"randomize\['length'\] must be two finite numbers, low <= high"),
+        ({"length": (2.0, np.inf)}, r"randomize\['length'\] must be two finite numbers"),
+        ({"length": 2.0}, r"randomize\['length'\] must be"),
+        ({"length": "ab"}, r"randomize\['length'\] must be"),
+        ({"puck_mass": (0.0, 0.1)}, "puck_mass must be greater than 0"),
+        ({"wall_restitution": (0.5, 1.1)}, "wall_restitution must be from 0 to 1"),
+        ({"puck_radius": (0.03, 0.2)}, "goal_width must be greater"),
+        ({"goal_width": (0.3, 1.1)}, "goal_width must be less"),
+        ({"paddle_speed": (3.0, 13.0)}, "puck_speed must be greater"),
+        ({"width": (0.5, 1.0), "goal_width": (0.3, 0.6)}, "goal_width must be less"),
+        ([("length", (2.0, 2.5))], "randomize must be a mapping"),
+    ],
+)
+def test_impossible_ranges_name_the_field(randomize, message):
+    for make in (AirHockeyEnv, lambda **arguments: AirHockeyVectorEnv(2, **arguments)):
+        with pytest.raises(ValueError, match=message):
+            make(randomize=randomize)
+
+
+def test_the_puck_cannot_be_placed_on_a_table_that_is_not_known_yet():
+    env = AirHockeyEnv(randomize=RANGES)
+    env.reset(seed=0)
+    before = env.get_state()
+    with pytest.raises(ValueError, match="does not go with randomize"):
+        env.reset(seed=1, options={"puck_position": (0.0, 0.0)})
+    assert env.get_state().tobytes() == before.tobytes()
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.data())
+def test_ranges_that_are_allowed_allow_only_tables(data):
+    """The check looks at four tables; every corner and every draw must be a table then."""
+    names = data.draw(st.lists(st.sampled_from(FIELDS), min_size=1, max_size=5, unique=True))
+    share = st.floats(0.5, 1.6)
+    randomize = {}
+    for name in names:
+        ends = sorted(data.draw(share) * (getattr(FULL_SIZE, name) or 0.1) for _ in range(2))
+        randomize[name] = tuple(ends)
+    try:
+        check_ranges(FULL_SIZE, randomize)
+    except ValueError:
+        return
+    for _ in range(20):
+        part = {
+            name: low + data.draw(st.sampled_from([0.0, 0.5, 1.0])) * (high - low)
+            for name, (low, high) in randomize.items()
+        }
+        dataclasses.replace(FULL_SIZE, **part)
+
+
+def test_a_seed_decides_what_the_random_opponent_does_whatever_was_played_before():
+    """Regression: its present action outlived the episode."""
+    env = AirHockeyEnv(opponent="random")
+    runs = []
+    for _ in range(2):
+        env.reset(seed=3)
+        runs.append([env.step(actions[0])[0] for actions in random_actions(0, 30, 1)])
+    assert same(runs[0], runs[1])
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_gymnasiums_wrapper_makes_lists_of_the_infos(mode):
+    """Regression: an info was no array, which `DictInfoToList` demands."""
+    batch = AirHockeyVectorEnv(5, max_episode_steps=20, autoreset_mode=mode, randomize=RANGES)
+    envs = DictInfoToList(batch)
+    envs.reset(seed=0)
+    for actions in random_actions(0, 200, 5):
+        *_, infos = envs.step(actions)
+        assert [info["table"]["puck_radius"] for info in infos] == [table.puck_radius for table in batch.table]

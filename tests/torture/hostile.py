@@ -1,0 +1,142 @@
+"""Hostile play, compiled: two paddles that do to the puck what no fair player would, with all laws checked."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import NamedTuple
+
+import numpy as np
+
+from airhockey_env.compiled import records
+from airhockey_env.engine.records import CONTACT
+from airhockey_env.game import RANDOMIZED_TABLE, Game
+from airhockey_env.kernel.parameters import spec_of
+from airhockey_env.kernel.random_stream import draw
+from airhockey_env.kernel.state import CONTACT_ROWS, LEFT, OBSERVATION_SIZE, RIGHT, TABLE
+from airhockey_env.kernel.step import begin, step_table
+from airhockey_env.replay import arguments_of
+from tests.torture.cases import Case, encode_state
+from tests.torture.compiled_here import compiled_here
+from tests.torture.laws import (
+    DRAWN,
+    FAILURES,
+    FINE,
+    POINTS,
+    RANGES,
+    check_step,
+    in_ranges,
+    new_tally,
+)
+from tests.torture.players import MODES, ambush, hostile_action
+from tests.torture.tables import RANDOMIZED, table_of
+
+EPISODE = 200
+"""Steps after which a randomized episode ends at the latest; 3 points end it too."""
+
+
+class Report(NamedTuple):
+    """What a run of hostile play came to."""
+
+    steps: int
+    worst: float  # m, the deepest overlap seen, of whatever kind
+    paddle_contacts: int
+    edge_contacts: int
+    crowded: int  # steps with as many contacts as are kept, or more
+    pinned: int  # steps that ended with the puck touching a paddle and an edge
+    points: int
+    drawn: int  # tables that `randomize` drew
+    digest: str  # of all tables at the end
+    case: Case | None  # what reproduces the failure, if there was one
+
+    @property
+    def failure(self) -> str:
+        """The law that was broken, or "" if none was."""
+        return "" if self.case is None else self.case.law
+
+
+@compiled_here
+def _end(table, tally):
+    """Keep the score of an episode."""
+    tally[POINTS] += table.score[0] + table.score[1]
+    table.score[0] = 0
+    table.score[1] = 0
+
+
+@compiled_here
+def _play(tables, physics, settings, ranges, modes, whims, steps, before, actions, tally):
+    """Play hostile steps on every table; stops at the first failure, the state before it in `before[0]`.
+
+    Args:
+        actions: (2, 2) float32, as a caller of the game gives them; those of the last step at the end.
+
+    Returns the number of the failure and of the table.
+    """
+    contacts = np.zeros(CONTACT_ROWS, CONTACT)
+    seen = np.zeros((1, OBSERVATION_SIZE), np.float32)
+    rules = settings[0]
+    for i in range(tables.shape[0]):
+        table = tables[i]
+        law = physics[i if rules.randomized else 0]
+        for step in range(steps):
+            if rules.randomized and (step == 0 or table.done):
+                _end(table, tally)
+                before[0] = table
+                begin(table, law, rules, ranges, 0)
+                tally[DRAWN] += 1
+                if not in_ranges(law, ranges):
+                    return RANGES, i
+            for player in (LEFT, RIGHT):
+                if draw(table) < 0.03:
+                    modes[i, player] = int(MODES * draw(table))
+                    whims[i, player] = draw(table)
+                ax, ay = hostile_action(table, law, player, modes[i, player], whims[i, player])
+                actions[player, 0], actions[player, 1] = ax, ay
+            if draw(table) < 0.01:
+                ambush(table, law)
+            before[0] = table
+            ax, ay = float(actions[LEFT, 0]), float(actions[LEFT, 1])
+            bx, by = float(actions[RIGHT, 0]), float(actions[RIGHT, 1])
+            _, _, reward, _, terminated, truncated = step_table(table, law, rules, ax, ay, bx, by, contacts)
+            failure = check_step(before[0], table, law, rules, contacts, reward, terminated, truncated, seen, tally)
+            if failure != FINE:
+                return failure, i
+        _end(table, tally)
+    return FINE, 0
+
+
+def play_hostile(name: str, control_hz: float, steps: int, seed: int, tables: int = 16) -> Report:
+    """At least `steps` hostile steps on a table of `TABLES` at a control rate, spread over `tables` games."""
+    arguments = table_of(name, seed, control_hz)
+    if name == RANDOMIZED:
+        arguments |= {"points": 3, "max_episode_steps": EPISODE}
+    else:
+        arguments |= {"points": 2**30}  # one episode
+    game = Game(tables, task="match", control_hz=control_hz, opponent=None, **arguments)
+    game.seed([seed * tables + i for i in range(tables)])
+    game.reset()
+    each = -(-steps // tables)
+    before, actions, tally = records(1, TABLE), np.zeros((2, 2), np.float32), new_tally()
+    modes, whims = np.zeros((tables, 2), np.int64), np.zeros((tables, 2))
+    number, i = _play(game.tables, game.physics, game.settings, game.ranges, modes, whims, each, before, actions, tally)
+    case = None
+    if number != FINE:
+        case = _case_of(game, number, i, before, actions)
+    else:
+        for law in game.physics:
+            spec_of(law)  # raises an error if it is no table
+    digest = hashlib.sha256(game.tables.tobytes() + tally.tobytes()).hexdigest()[:32]
+    worst, *counts = tally.tolist()
+    paddle, edge, crowded, pinned, points, drawn = map(int, counts)
+    return Report(each * tables, worst, paddle, edge, crowded, pinned, points, drawn, digest, case)
+
+
+def _case_of(game: Game, number: int, i: int, before: np.ndarray, actions: np.ndarray) -> Case:
+    """The one step, or start of an episode, in which table i broke a law."""
+    state = before
+    if game.randomized:
+        state = np.zeros(1, RANDOMIZED_TABLE)
+        state["table"], state["physics"] = before, game.physics[i]
+    step = {"do": "step", "actions": actions[:1].tolist(), "others": actions[1:].tolist()}
+    last = {"do": "reset"} if number == RANGES else step
+    operations = [{"do": "state", "state": encode_state(state)}, last]
+    return Case("game", arguments_of(game), operations, FAILURES[number])
