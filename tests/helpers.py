@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import airhockey_env
+from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
 from airhockey_env.opponents.policy import MlpPolicy
 
 ROOT = Path(__file__).parents[1]
@@ -110,6 +111,17 @@ def snapshot(env: Any) -> tuple[Any, ...]:
         other = env._targets if hasattr(env, "env_method") else str(env.np_random.bit_generator.state)
     observations = game.out.observation.tobytes(), game.out.other_observation.tobytes()
     return game.get_state().tobytes(), *observations, other
+
+
+def turned(tables: NDArray[np.void]) -> NDArray[np.void]:
+    """The same tables, (N,) of their states, seen from the other side: turned by 180 degrees, the players swapped."""
+    other = tables.copy()
+    for name in ("position", "velocity"):
+        other[name] = 0.0 - tables[name][:, [RIGHT, LEFT, PUCK]]
+    other["side"] = -tables["side"]
+    for name in ("score", "player", "skill", "wander", "potential"):
+        other[name] = tables[name][:, ::-1]
+    return other
 
 
 # Policies
