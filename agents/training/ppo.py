@@ -26,6 +26,7 @@ from agents.training.league import League
 from agents.training.learning import ProgressBar, learning, seed_learning
 from agents.training.runs import HISTORY, Clock, Records, RunFolder, logger, read_config, save, take_up, where_it_stands
 from agents.training.stopping import Stop, StopLearning, stopping
+from airhockey_env.game import REWARDS
 from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.opponents.players import Player as Opponent
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
@@ -130,6 +131,8 @@ class TrainArgs:
             raise ValueError(f"--opponent must be one of {OPPONENTS}, got {self.opponent!r}")
         if not self.opponents or not set(self.opponents) <= set(OPPONENTS):
             raise ValueError(f"--opponents must be some of {OPPONENTS}, got {self.opponents!r}")
+        if self.reward not in REWARDS:
+            raise ValueError(f"--reward must be one of {REWARDS}, got {self.reward!r}")
         most = math.inf
         check_ranges(
             self, steps=(1, most), seed=(0, 2**31 - 1), warmup_steps=(0, most), warmup_success=(0, 1),
