@@ -25,8 +25,8 @@ def measure(effort: Effort) -> tuple[list[Row], list[str]]:
     state = STATE.itemsize
     memory = state + sum(array.nbytes for array in Game(1).out)
     rows: list[Row] = [
-        {"what": "memory of a table: its state", "value": state, "unit": "B"},
-        {"what": "memory of a table in all", "value": memory, "unit": "B"},
+        {"what": "memory per environment: state", "value": state, "unit": "B"},
+        {"what": "memory per environment: total", "value": memory, "unit": "B"},
     ]
     with tempfile.TemporaryDirectory() as folder:
         environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
