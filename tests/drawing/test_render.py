@@ -155,11 +155,14 @@ BAD = {
 
 @pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in BAD.items() for value in values])
 def test_bad_arguments_are_named(name: str, value: Any) -> None:
-    with pytest.raises(ValueError, match=rf"^{name} "):
+    def use() -> None:
         if name == "render_size":
             Renderer(FULL_SIZE, value)
         else:
             Renderer(FULL_SIZE, SMALL).draw(**{"positions": REST, name: value})
+
+    with pytest.raises(ValueError, match=rf"^{name} "):
+        use()
 
 
 @pytest.mark.parametrize("size", [SMALL, (320, 174)])
