@@ -23,7 +23,7 @@ from airhockey_env.checks import (
 from airhockey_env.compiled import machine_code, records
 from airhockey_env.drawing.pixels import CHANNELS, Pixels
 from airhockey_env.engine.records import CONTACT
-from airhockey_env.kernel.parameters import FIELDS, check_ranges, physics_record, spec_of, with_spec
+from airhockey_env.kernel.parameters import physics_record, spec_of, with_spec
 from airhockey_env.kernel.random_stream import stream_from_seed
 from airhockey_env.kernel.scripted import EXTERNAL
 from airhockey_env.kernel.state import (
@@ -53,7 +53,7 @@ from airhockey_env.opponents.players import (
     scripted,
 )
 from airhockey_env.reset_options import SERVERS, ResetOptions, check_reset_options
-from airhockey_env.tables import TableSpec, resolve_table
+from airhockey_env.tables import FIELDS, TableSpec, check_randomize, resolve_table
 from airhockey_env.threads import Threads
 
 REWARDS = ("sparse", "shaped")
@@ -114,7 +114,7 @@ class Game:
         tables: (N,) records of `TABLE`: the whole state.
         out: `Outputs` of the last reset or step; overwritten by the next.
         answers: (N, 2) actions that policies from outside gave in the last step, on the tables that they play.
-        ranges: (fields of a `TableSpec`, 2) least and greatest values of what is drawn anew, see `check_ranges`.
+        ranges: (fields of a `TableSpec`, 2) least and greatest values of what is drawn anew, see `check_randomize`.
         opponents: the pool, a tuple; with `opponent=None`, empty.
     """
 
@@ -155,7 +155,7 @@ class Game:
         skill = check_skill(opponent_skill, self.num_tables)
         self.threads = Threads(None if num_threads is None else check_whole("num_threads", num_threads, 1))
 
-        self.ranges = check_ranges(self.spec, {} if randomize is None else randomize)
+        self.ranges = check_randomize(self.spec, {} if randomize is None else randomize)
         self.randomized = () if randomize is None else tuple(randomize)
         self.physics = physics_record(self.spec, self.control_hz)
         if self.randomized:

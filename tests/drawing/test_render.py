@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import subprocess
 import sys
 
@@ -144,7 +145,7 @@ def test_default_size_fits_the_table() -> None:
     "size", [(31, 200), (200, 31), (0, 0), (-64, 64), (64.0, 64.0), (64,), (64, 64, 3), 64, "ab", (True, 64)]
 )
 def test_bad_sizes_say_what_is_allowed(size: object) -> None:
-    with pytest.raises(ValueError, match=r"render_size must be two ints .* at least 32 px, got"):
+    with pytest.raises(ValueError, match=r"^render_size must be two whole numbers from 32 to 8192, got "):
         Renderer(FULL_SIZE, size)  # type: ignore[arg-type]
 
 
@@ -154,17 +155,17 @@ def test_numpy_integers_are_sizes() -> None:
 
 @pytest.mark.parametrize("bad", [np.zeros((2, 2)), np.zeros(6), np.full((3, 2), np.nan), np.full((3, 2), np.inf)])
 def test_bad_positions_raise(bad: np.ndarray) -> None:
-    with pytest.raises(ValueError, match="positions must be finite and of shape"):
+    with pytest.raises(ValueError, match=r"^positions must be finite "):
         Renderer(FULL_SIZE, SMALL).draw(bad)
 
 
 def test_bad_scores_and_clocks_raise() -> None:
     renderer = Renderer(FULL_SIZE, SMALL)
     for score in ((-1, 0), (0, 1.5), (1,), 3, None):
-        with pytest.raises(ValueError, match="score must be two ints from 0"):
+        with pytest.raises(ValueError, match=r"^score must be two whole numbers from 0 "):
             renderer.draw(REST, score)  # type: ignore[arg-type]
     for clock in (1.01, -2.0, float("nan")):
-        with pytest.raises(ValueError, match="clock must be from -1 to 1"):
+        with pytest.raises(ValueError, match=r"^clock must be a number from -1 to 1"):
             renderer.draw(REST, (0, 0), clock)
 
 
@@ -370,8 +371,9 @@ def test_window_rejects_frames_that_do_not_fit(pygame) -> None:
     for bad in (np.zeros((96, 52, 3), np.uint8), np.zeros((52, 96, 3)), np.zeros((52, 96), np.uint8)):
         with pytest.raises(ValueError, match="frame must be uint8"):
             window.show(bad)
-    with pytest.raises(ValueError, match="fps must be greater than 0"):
-        Window(SMALL, fps=0.0)
+    for fps in (0.0, math.inf, True):
+        with pytest.raises(ValueError, match=r"^fps must be "):
+            Window(SMALL, fps=fps)
 
 
 def test_missing_pygame_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
