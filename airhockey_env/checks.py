@@ -233,13 +233,13 @@ def check_rows(name: str, tables: ArrayLike, n: int, repeated: bool = False) -> 
     return given.astype(np.int64)
 
 
-def check_skill(skill: ArrayLike, num_tables: int) -> NDArray[np.float64] | float:
+def check_skill(skill: ArrayLike, num_tables: int, name: str = "opponent_skill") -> NDArray[np.float64] | float:
     """A skill for all tables, or one for each: (num_tables,)."""
     skills = as_array(skill)
     if skills is None or skills.ndim == 0:
-        return check_number("opponent_skill", skill, 0.0, 1.0)
+        return check_number(name, skill, 0.0, 1.0)
     if skills.shape != (num_tables,) or not ((skills >= 0) & (skills <= 1)).all():
-        raise fault("opponent_skill", f"one number from 0 to 1, or one for each of {num_tables} tables", skill)
+        raise fault(name, f"one number from 0 to 1, or one for each of {num_tables} tables", skill)
     return skills.copy()
 
 
