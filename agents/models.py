@@ -31,16 +31,6 @@ PLAYERS = (
 )
 """Whom a command line may name."""
 
-PLAYER_HELP = (
-    f"{PLAYERS}. A function takes float32 observations (N, 13) and returns actions (N, 2); its module is "
-    "imported from the current folder."
-)
-
-TRUST_HELP = (
-    "Open a model.zip with its pickles where it cannot be played without them. A pickle runs whatever code its maker "
-    "likes: only for files of people you trust."
-)
-
 _FUNCTION = re.compile(r"[^\W\d][\w.]*:[^\W\d]\w*")
 
 _AT_ONCE = 256
