@@ -155,11 +155,9 @@ BAD = {
 
 @pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in BAD.items() for value in values])
 def test_bad_arguments_are_named(name: str, value: Any) -> None:
+    arguments = {"render_size": SMALL, "positions": REST, name: value}
     with pytest.raises(ValueError, match=rf"^{name} "):
-        if name == "render_size":
-            Renderer(FULL_SIZE, value)
-        else:
-            Renderer(FULL_SIZE, SMALL).draw(**{"positions": REST, name: value})
+        Renderer(FULL_SIZE, arguments.pop("render_size")).draw(**arguments)
 
 
 @pytest.mark.parametrize("size", [SMALL, (320, 174)])
