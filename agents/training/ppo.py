@@ -28,7 +28,7 @@ from agents.training.runs import HISTORY, Clock, Records, RunFolder, logger, rea
 from agents.training.stopping import Stop, StopLearning, stopping
 from airhockey_env.game import REWARDS
 from airhockey_env.kernel.tasks import TASKS
-from airhockey_env.opponents.players import Opponent
+from airhockey_env.opponents.players import Player as Opponent
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import PRESETS
 
@@ -194,7 +194,7 @@ class _Watch(BaseCallback):
             seed=self.args.seed,
             purpose="progress",
             table=self.args.table,
-            watch=self.stop.watch,
+            observer=self.stop.watch,
         )
         row = {"steps": self.model.num_timesteps, "seconds": self.clock.seconds, **result.as_dict()}
         self.history["evaluations"].append(row)
@@ -439,7 +439,7 @@ def report(folder: RunFolder, args: TrainArgs, history: dict[str, Any], stop: St
     policy = MlpPolicy.load(folder.policy)
     results = [
         play_points(
-            policy, name, args.report_points, seed=args.seed, purpose="report", table=args.table, watch=stop.watch
+            policy, name, args.report_points, seed=args.seed, purpose="report", table=args.table, observer=stop.watch
         )
         for name in OPPONENTS
     ]

@@ -286,7 +286,7 @@ class TestBenchmark:
         assert {row["at"] for row in rows} == {1, 16, 256}
         assert all(row["best"] >= row["per_second"] > 0.0 for row in rows)
         written = (tmp_path / "page.md").read_text(encoding="utf-8")
-        assert "| tables |" in written and "| its compiled step alone |" in written
+        assert "| environments |" in written and "| its compiled step alone |" in written
         assert (tmp_path / "plot.png").read_bytes().startswith(PNG)
 
     def test_a_terminal_without_the_letters_gets_others(
