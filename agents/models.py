@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.files import read_json
+from airhockey_env.actions import DIRECTIONS
 from airhockey_env.drawing.pixels import CHANNELS, SIZE, Pixels
 from airhockey_env.game import OBS_TYPES, Game
 from airhockey_env.kernel.state import OBSERVATION_SIZE
 from airhockey_env.opponents.players import NAMES
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.opponents.trained import TRAINED, trained_policy
-from airhockey_env.spaces import DIRECTIONS
 
 Policy = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 """From state observations (N, 13), each from the player's own side, to actions (N, 2)."""

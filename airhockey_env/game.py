@@ -28,7 +28,7 @@ from airhockey_env.drawing.pixels import CHANNELS, Pixels
 from airhockey_env.engine.records import CONTACT
 from airhockey_env.kernel.camera import CameraArrays, follow_rows, make_camera, show_rows, start_rows
 from airhockey_env.kernel.outputs import Outputs, make_outputs
-from airhockey_env.kernel.parameters import FIELDS, check_ranges, make_parameters, spec_of, with_specs
+from airhockey_env.kernel.parameters import make_parameters, spec_of, with_specs
 from airhockey_env.kernel.random_stream import stream_from_seed
 from airhockey_env.kernel.scripted import EXTERNAL
 from airhockey_env.kernel.state import (
@@ -48,7 +48,7 @@ from airhockey_env.opponents.players import Player, resolve_players
 from airhockey_env.opponents.pool import Pool
 from airhockey_env.reset_options import SERVERS, ResetOptions, check_reset_options
 from airhockey_env.saved_states import check_state, game_state, restore, save
-from airhockey_env.tables import TableSpec, resolve_table
+from airhockey_env.tables import FIELDS, TableSpec, check_randomize, resolve_table
 from airhockey_env.threads import Threads, one_at_a_time
 
 REWARDS = ("sparse", "shaped")
@@ -153,7 +153,7 @@ class Game:
         self.control_hz = check_number("control_hz", control_hz, *CONTROL_RATES)
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
         self._threads = Threads(None if num_threads is None else check_whole("num_threads", num_threads, 1))
-        self.ranges = check_ranges(self.spec, {} if randomize is None else randomize)
+        self.ranges = check_randomize(self.spec, {} if randomize is None else randomize)
         self.randomized = () if randomize is None else tuple(randomize)
         self.parameters = make_parameters(self.spec, self.control_hz)
         if self.randomized:

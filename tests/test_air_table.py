@@ -40,23 +40,23 @@ def snapshot(table):
         ("positions", [[0.0, 0.0], [1.0]], "positions must be"),
         ("positions", "puck", "positions must be"),
         ("positions", [[0.0, NAN], [0.5, 0.0]], "positions must be .* got NaN"),
-        ("positions", [[0.0, INF], [0.5, 0.0]], "positions must be finite, got inf"),
+        ("positions", [[0.0, INF], [0.5, 0.0]], "positions must be finite, .*got inf"),
         ("positions", [[0.0, 0.0], [0.0, 0.0]], "positions must not overlap: discs 0 and 1 overlap by 0.1 m"),
         ("positions", [[0.0, 0.46], [0.5, 0.0]], "positions must lie on the table: disc 0"),
         ("velocities", [[0.0, 0.0]], r"velocities must be .* of shape \(2, 2\); got shape \(1, 2\)"),
         ("velocities", [[0.0, 0.0], [0.0, NAN]], "velocities must be .* got NaN"),
-        ("velocities", [[0.0, 0.0], [0.0, -INF]], "velocities must be finite, got -inf"),
+        ("velocities", [[0.0, 0.0], [0.0, -INF]], "velocities must be finite, .*got -inf"),
         ("velocities", [["a", 0.0], [0.0, 0.0]], "velocities must be"),
-        ("radii", -0.05, "radii must be finite and greater than 0"),
-        ("radii", 0.0, "radii must be finite and greater than 0"),
-        ("radii", INF, "radii must be finite and greater than 0"),
+        ("radii", -0.05, "radii must be from 1e-50 to "),
+        ("radii", 0.0, "radii must be from 1e-50 to "),
+        ("radii", INF, "radii must be from 1e-50 to "),
         ("radii", NAN, "radii must be .* got NaN"),
         ("radii", [0.05], r"radii must be .* of shape \(2,\); got shape \(1,\)"),
-        ("radii", [0.05, -0.1], "radii must be finite and greater than 0"),
+        ("radii", [0.05, -0.1], "radii must be from 1e-50 to "),
         ("radii", None, "radii must be"),
-        ("masses", 0.0, "masses must be greater than 0"),
-        ("masses", [1.0, -2.0], r"masses must be greater than 0 .* got -2.0"),
-        ("masses", -INF, "masses must be greater than 0"),
+        ("masses", 0.0, "masses must be from 1e-50 to "),
+        ("masses", [1.0, -2.0], r"masses must be from 1e-50 to .* got -2.0"),
+        ("masses", -INF, "masses must be from 1e-50 to "),
         ("masses", NAN, "masses must be .* got NaN"),
         ("masses", [1.0, 1.0, 1.0], r"masses must be .* got shape \(3,\)"),
         ("restitution", 1.1, "^restitution must be a number from 0 to 1, got 1.1"),
@@ -68,14 +68,14 @@ def snapshot(table):
         ("restitution", [0.5, 0.5], "^restitution must be"),
         ("wall_restitution", 2.0, "^wall_restitution must be a number from 0 to 1, got 2.0"),
         ("wall_restitution", 0.5j, "^wall_restitution must be"),
-        ("size", (2.0, 0.0), "size must be two finite lengths greater than 0"),
-        ("size", (2.0, -1.0), "size must be two finite lengths greater than 0"),
-        ("size", (INF, 1.0), "size must be two finite lengths greater than 0"),
+        ("size", (2.0, 0.0), "size must be "),
+        ("size", (2.0, -1.0), "size must be "),
+        ("size", (INF, 1.0), "size must be "),
         ("size", (2.0, NAN), "size must be"),
         ("size", (2.0, 1.0, 1.0), "size must be"),
         ("size", "big", "size must be"),
         ("size", (0.05, 1.0), "positions must lie on the table"),
-        ("size", (np.float64(2.0), 0.0), r"got \(2.0, 0.0\)$"),
+        ("size", (np.float64(2.0), NAN), r"got \(2.0, nan\)$"),
         ("restitution", np.float64(2.0), "got 2.0$"),
         ("radii", np.array([0.05, -0.05]), "got -0.05$"),
         ("method", "exact", "method must be one of .*'continuous'.* got 'exact'"),
@@ -94,7 +94,7 @@ def test_bad_arguments_are_named(name, value, message):
 def test_a_bad_dt_is_named_and_changes_nothing(method, dt):
     table = AirTable(**GOOD, method=method)
     before = snapshot(table)
-    with pytest.raises(ValueError, match="dt must be a finite number of seconds greater than 0, got"):
+    with pytest.raises(ValueError, match=r"^dt must be a finite number greater than 0, got"):
         table.step(dt)
     assert snapshot(table) == before
 
@@ -120,7 +120,7 @@ def test_a_live_array_gone_bad_is_caught_by_the_next_step(method, name, value):
     table = AirTable(**GOOD, method=method)
     getattr(table, name)[1, 0] = value
     before = snapshot(table)
-    with pytest.raises(ValueError, match=rf"^{name} must be finite, got"):
+    with pytest.raises(ValueError, match=rf"^{name} must be finite, .*got "):
         table.step(0.1)
     assert snapshot(table) == before
 
@@ -273,8 +273,8 @@ ODD = [
 @pytest.mark.parametrize("name", ["positions", "velocities", "radii", "masses", "restitution", "wall_restitution"])
 @pytest.mark.parametrize("value", ODD, ids=lambda value: type(value).__name__)
 def test_odd_numbers_are_named(name, value):
-    among_others = name in ("positions", "velocities") and not isinstance(value, (bool, np.bool_))
-    for given in (value, [[value, 0.0], [0.5, 0.0]]) if among_others else (value,):  # NumPy takes True for 1.0 there
+    among_others = name in ("positions", "velocities")
+    for given in (value, [[value, 0.0], [0.5, 0.0]]) if among_others else (value,):
         if name == "masses" and isinstance(value, float) and value == INF:
             continue
         with pytest.raises(ValueError, match=rf"^{name} "):

@@ -24,10 +24,10 @@ from agents.models import ModelPlayer, load_player
 from agents.sb3_files import NeedsTrust, actor_of, load_weights, read_model
 from agents.training.algorithms import read_hyperparameters
 from agents.training.literals import read_kwargs
+from airhockey_env.actions import DIRECTIONS
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.replay import Replay
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
-from airhockey_env.spaces import DIRECTIONS
 
 OFF = {"buffer_size": 100, "learning_starts": 4, "batch_size": 4, "device": "cpu", "seed": 3}
 ON = {"n_steps": 4, "batch_size": 8, "n_epochs": 1, "device": "cpu", "seed": 3}

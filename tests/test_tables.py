@@ -59,21 +59,21 @@ def test_every_field_is_covered_here():
 @pytest.mark.parametrize("name", FIELDS)
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, None, "1", True, np.True_, [1.0], 1j], ids=repr)
 def test_a_field_must_be_a_finite_number(name, value):
-    with pytest.raises(ValueError, match=f"^{name} must be a finite number"):
+    with pytest.raises(ValueError, match=f"^{name} must be a number"):
         dataclasses.replace(FULL_SIZE, **{name: value})
 
 
 @pytest.mark.parametrize("name", POSITIVE)
 @pytest.mark.parametrize("value", [0.0, -1e-300, -1.0])
 def test_a_size_must_be_positive(name, value):
-    with pytest.raises(ValueError, match=f"^{name} must be greater than 0, got {value}$"):
+    with pytest.raises(ValueError, match=f"^{name} must be .*, got {value}$"):
         dataclasses.replace(FULL_SIZE, **{name: value})
 
 
 @pytest.mark.parametrize("name", SHARES)
 @pytest.mark.parametrize("value", [-1e-9, 1.0 + 1e-9, 5.0])
 def test_a_share_must_be_from_0_to_1(name, value):
-    with pytest.raises(ValueError, match=f"^{name} must be from 0 to 1, got {value}$"):
+    with pytest.raises(ValueError, match=f"^{name} must be a number from 0 to 1, got {value}$"):
         dataclasses.replace(FULL_SIZE, **{name: value})
     for edge in (0.0, 1.0):
         assert getattr(dataclasses.replace(FULL_SIZE, **{name: edge}), name) == edge
@@ -81,7 +81,7 @@ def test_a_share_must_be_from_0_to_1(name, value):
 
 @pytest.mark.parametrize("name", DRAGS)
 def test_a_drag_must_not_be_negative(name):
-    with pytest.raises(ValueError, match=f"^{name} must be 0 or more, got -1e-09$"):
+    with pytest.raises(ValueError, match=f"^{name} must be a number from 0 .*, got -1e-09$"):
         dataclasses.replace(FULL_SIZE, **{name: -1e-9})
     assert getattr(dataclasses.replace(FULL_SIZE, **{name: 0.0}), name) == 0.0
 

@@ -32,10 +32,10 @@ from agents.training.curves import print_curves
 from agents.training.learning import ProgressBar
 from agents.training.ppo import Falling, Practice, TrainArgs, make_env, make_model
 from agents.training.report import draw_training, print_results
+from airhockey_env.actions import DIRECTIONS
 from airhockey_env.files import replace
 from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.opponents.policy import MlpPolicy
-from airhockey_env.spaces import DIRECTIONS
 from airhockey_env.tables import FULL_SIZE
 from tests.helpers import some_observations, some_policy
 
