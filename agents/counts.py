@@ -1,4 +1,4 @@
-"""Numbers of steps, points and the like as people type them."""
+"""Whole numbers on the command line, such as 20_000, 20k or 2e4."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _COUNT = re.compile(r"([+-]?(?:\d+(?:_\d+)*)(?:\.\d*)?(?:e[+-]?\d{1,3})?)([kmgb]
 
 
 def read_count(text: str) -> int:
-    """The whole number that is written as 1000000, 1_000_000, 1e6, 1M or 1000k.
+    """Parse a whole number that is written as 1000000, 1_000_000, 1e6, 1M or 1000k.
 
     Raises:
-        ValueError: it is no number, or not a whole one.
+        ValueError: the text is not a number, or not a whole one.
     """
     found = _COUNT.fullmatch(text.strip())
     if found is None:
@@ -43,4 +43,4 @@ Count = Annotated[int, _SPEC]
 """A whole number on a command line."""
 
 OptionalCount = Annotated[int | None, _SPEC]
-"""A whole number on a command line, or None where none is given."""
+"""A whole number on a command line, or None if none is given."""

@@ -1,4 +1,4 @@
-"""Checks of what a command line gave."""
+"""Checks of command-line arguments."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import Any
 from airhockey_env.tables import PRESETS, TableSpec
 
 MOST = 1e18
-"""The greatest number that any option takes."""
+"""The greatest number that any option accepts."""
 
 
 def check_ranges(args: Any, **ranges: tuple[float, float]) -> None:
-    """Check number fields (None passes) of an arguments record against their (least, greatest) values.
+    """Check numeric fields of a dataclass of arguments against their (least, greatest) values. None is accepted.
 
     Raises:
-        ValueError: one is out of range; the message names its option, what was given and what is allowed.
+        ValueError: a field is out of range. The message names its option, what was given and what is allowed.
     """
     for name, (least, greatest) in ranges.items():
         value = getattr(args, name)
@@ -29,21 +29,21 @@ def check_ranges(args: Any, **ranges: tuple[float, float]) -> None:
 
 
 def not_default(args: Any) -> list[str]:
-    """Names of the fields of an arguments record that have another value than their default."""
+    """Names of the fields of a dataclass of arguments that differ from their defaults."""
     return [field.name for field in dataclasses.fields(args) if getattr(args, field.name) != field.default]
 
 
 def check_resumed(args: Any, kept: Any, given: Any = None) -> None:
-    """Check that a run is resumed with its own arguments: it would not heed others.
+    """Check that a run is resumed with its own arguments, because it would ignore others.
 
     Args:
-        args: of the command; what has its default value was not given.
-        kept: the run's own.
-        given: the run's own arguments with those of the command line in their places, where that is known. With it,
-            what was given is told from defaults.
+        args: the arguments of the command. A field with its default value counts as not given.
+        kept: the run's own arguments.
+        given: if known, the run's own arguments overridden by those on the command line, which also detects arguments
+            that were given with their default value.
 
     Raises:
-        ValueError: an argument is another than the run's; the message names its option.
+        ValueError: an argument differs from the run's. The message names its option.
     """
     names = [field.name for field in dataclasses.fields(kept)] if given is not None else not_default(args)
     now = args if given is None else given
@@ -54,10 +54,10 @@ def check_resumed(args: Any, kept: Any, given: Any = None) -> None:
 
 
 def check_output(name: str, path: Path | None, suffix: str = "") -> None:
-    """Check the path (None passes) of a file that a command will write, before it works for that.
+    """Check the path of an output file before a command starts its work. None is accepted.
 
     Raises:
-        ValueError: it does not end in `suffix`.
+        ValueError: the path does not end in `suffix`.
         FileNotFoundError: its folder does not exist.
     """
     if path is None:
@@ -69,10 +69,10 @@ def check_output(name: str, path: Path | None, suffix: str = "") -> None:
 
 
 def make_folder(name: str, path: Path) -> None:
-    """Make the folder that a command will write into, unless it is there, before the command works for that.
+    """Create an output folder, unless it exists, before a command starts its work.
 
     Raises:
-        OSError: it cannot be made: there is a file in its place, or the folder above it does not exist, say.
+        OSError: it cannot be created, for example because its parent does not exist or it is a file.
     """
     try:
         path.mkdir(exist_ok=True)
@@ -84,10 +84,10 @@ TABLE_HELP = f"The table: {', '.join(PRESETS)}."
 
 
 def check_table(table: str) -> TableSpec:
-    """The preset that `--table` names.
+    """Return the preset for `--table`.
 
     Raises:
-        ValueError: there is none of that name.
+        ValueError: there is no preset of that name.
     """
     if table not in PRESETS:
         raise ValueError(f"--table must be one of {sorted(PRESETS)}, got {table!r}")
