@@ -37,8 +37,8 @@ PLAYER_HELP = (
 )
 
 TRUST_HELP = (
-    "Open a model.zip with its pickles where it cannot be played without them. A pickle runs whatever code its maker "
-    "likes: only for files of people you trust."
+    "Open the pickles in a model.zip that cannot be loaded without them. A pickle can run any code, so only use this "
+    "for files from people you trust."
 )
 
 _FUNCTION = re.compile(r"[^\W\d][\w.]*:[^\W\d]\w*")
@@ -224,8 +224,8 @@ def load_model(path: Path, *, trust: bool = False) -> MlpPolicy | ModelPlayer:
     except NeedsTrust as error:
         if not trust:
             raise NeedsTrust(
-                f"{error}. What is missing stands in its pickles, which run whatever code their maker likes; open them "
-                "with --trust if you trust whoever made the file"
+                f"{error}. What is missing is in its pickles, which can run any code; open them with --trust if you "
+                "trust the author of the file"
             ) from error
         return _trusted_player(path, trusted_policy(path))
     obs_type, frames = _sight(path, actor.shape)

@@ -1,4 +1,4 @@
-"""The default game in hand-written C (airhockey.c), built where it is needed and called through ctypes."""
+"""The default game in hand-written C (airhockey.c), built when needed and called through ctypes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from benchmarks.speed import build
 
 
 def _part(dtype: np.dtype, names: str) -> np.dtype:
-    """A record of some of the fields, laid out as C does."""
+    """A record type of some of the fields, with the memory layout of C."""
     return np.dtype([(name, dtype[name]) for name in names.split()], align=True)
 
 
@@ -38,10 +38,10 @@ OUTPUTS = (
 
 @functools.cache
 def library(command: tuple[str, ...] | None = None, flags: tuple[str, ...] | None = None) -> ctypes.CDLL:
-    """The game, built once a process by a compiler's command with flags; as `build` chooses them where not given.
+    """Build and load the game, once per process. `build` chooses the compiler and the flags if they are not given.
 
     Raises:
-        DependencyNotInstalled: there is no C compiler, or it does not work.
+        DependencyNotInstalled: there is no working C compiler.
     """
     command = command or build.compiler()
     if command is None:
@@ -58,22 +58,22 @@ def library(command: tuple[str, ...] | None = None, flags: tuple[str, ...] | Non
 
 
 class CGame:
-    """Tables of the default game, played by the C code from the state of a `Game`.
+    """Tables of the default game, stepped by the C code from the state of a `Game`.
 
     Attributes:
         tables: (N,) records of `STATE`.
-        out: arrays by the names of `OUTPUTS`, as those of `Game.out`.
+        out: arrays by the names in `OUTPUTS`, like those of `Game.out`.
     """
 
     def __init__(self, game: Game, code: ctypes.CDLL | None = None) -> None:
-        """Take over the tables, their physics and the settings of `game`, which is left as it is.
+        """Copy the tables, their physics and the settings of `game`, which does not change.
 
         Args:
-            game: the game to go on with.
-            code: its steps, `library()` by default.
+            game: the game to continue.
+            code: the loaded C library, `library()` by default.
 
         Raises:
-            DependencyNotInstalled: there is no C compiler, or it does not work.
+            DependencyNotInstalled: there is no working C compiler.
         """
         self._library = code or library()
         n = game.num_tables
@@ -89,19 +89,19 @@ class CGame:
         self._shape = (n, 2)
 
     def take(self, game: Game) -> None:
-        """Go on from the state of the game's tables."""
+        """Copy the state of the game's tables."""
         for name in STATE.names or ():
             self.tables[name] = game.tables[name]
 
     def reset(self) -> None:
-        """Begin an episode on every table."""
+        """Start an episode on every table."""
         self._library.reset_rows(0, len(self.tables), *self._fixed, self._pointers)
 
     def step(self, actions: NDArray[np.float32]) -> None:
-        """Play one step on every table; the results lie in `out`.
+        """Play one step on every table and write the results to `out`.
 
         Raises:
-            ValueError: the actions are not (N, 2) float32, one after the other.
+            ValueError: the actions are not a contiguous float32 array of shape (N, 2).
         """
         if actions.shape != self._shape or actions.dtype != np.float32 or not actions.flags.c_contiguous:
             raise ValueError(f"actions must be contiguous float32 of shape {self._shape}, got {actions!r}")
