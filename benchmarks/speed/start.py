@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 from airhockey_env.game import Game
-from airhockey_env.kernel.state import TABLE
+from airhockey_env.kernel.state import STATE
 from benchmarks.speed.measure import Effort, Row
 
 TITLE = "Start and memory"
@@ -22,7 +22,7 @@ PLAY = (
 
 def measure(effort: Effort) -> tuple[list[Row], list[str]]:
     """Rows for memory and times; there are no notes. A quick run does not compile."""
-    state = TABLE.itemsize
+    state = STATE.itemsize
     memory = state + sum(array.nbytes for array in Game(1).out)
     rows: list[Row] = [
         {"what": "memory per environment: state", "value": state, "unit": "B"},

@@ -17,10 +17,7 @@ from agents.training.algorithms import HYPERPARAMS, AlgorithmArgs, train
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import AUTORESET_SAME_STEP
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
-from tests.commands import test_scripts
-from tests.commands.test_scripts import Call
-
-call = test_scripts.call
+from tests.helpers import Call
 
 pytestmark = pytest.mark.filterwarnings("ignore:rich is experimental")
 

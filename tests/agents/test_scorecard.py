@@ -21,10 +21,7 @@ from agents.measuring.shots import Recorder, play_on
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import AUTORESET_NEXT_STEP, LEFT, PUCK, RIGHT
 from airhockey_env.tables import FULL_SIZE
-from tests.commands import test_scripts
-from tests.commands.test_scripts import Call
-
-call = test_scripts.call
+from tests.helpers import Call
 
 REACH = FULL_SIZE.paddle_radius + FULL_SIZE.puck_radius
 STILL = (0.0, 0.0)
@@ -279,23 +276,3 @@ def test_texts_beside_the_bars_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     for box in boxes:
         assert frame.x0 - 1 <= box.x0 < box.x1 <= frame.x1 + 1 and not any(box.overlaps(bar) for bar in bars)
     assert all(above.y0 > below.y1 for above, below in pairwise(boxes))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ((), "python -m scripts.scorecard --help"),
-        (("nobody",), "MODEL must be one of"),
-        (("idle", "--opponent", "nobody"), "--opponent must be one of"),
-        (("idle", "--points", "0"), "--points must be from 1"),
-        (("idle", "--episodes", "0"), "--episodes must be from 1"),
-        (("idle", "--seed", "-1"), "--seed must be from 0"),
-        (("idle", "--table", "billiards"), "--table must be one of"),
-        (("idle", "--plot", "card.pdf"), "--plot must end in .png, got 'card.pdf'"),
-        (("idle", "--plot", "none/card.png"), "--plot must name a file in a folder that exists"),
-        (("idle", "--json", "none/card.json"), "--json must name a file in a folder that exists"),
-    ],
-)
-def test_bad_arguments_write_nothing(arguments: tuple[str, ...], message: str, call: Call, tmp_path: Path) -> None:
-    assert message in call("scorecard", *arguments, fails=True)
-    assert not list(tmp_path.iterdir())
