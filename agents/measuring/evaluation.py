@@ -146,7 +146,7 @@ def play_points(
     Args:
         policy: a callable from float32 observations (N, 13) to actions (N, 2), a `ModelPlayer`, or a named opponent's
             name.
-        opponent: likewise.
+        opponent: the same kinds of player.
         points: number of points, rounded up to an even number.
         name: the opponent's name in the result; by default that of a named opponent.
         seed: determines the tables' random streams.

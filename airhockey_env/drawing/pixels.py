@@ -11,7 +11,7 @@ shot clock: it grows from the middle towards the side that the puck is on, in th
 foul is called. The grey levels of surface, players and puck differ clearly, so grayscale pictures lose no information.
 
 Like a state observation, a picture is scaled to the table, so walls look the same whatever its size. Goals and discs
-are drawn from each table's own `PHYSICS`.
+are drawn from each table's own `PARAMETERS`.
 """
 
 from __future__ import annotations
@@ -94,18 +94,18 @@ def rectangle(image, left, top, right, bottom, color):
 
 
 @compiled
-def draw_goals(image, law, colors):
+def draw_goals(image, params, colors):
     """Draw both goals into the end rails, as wide as the table's goals, in the colours of their players."""
-    half = law.half_goal * law.per_y * HALF_Y
+    half = params.half_goal * params.per_y * HALF_Y
     rectangle(image, 0.0, CENTRE_Y - half, CENTRE_X - HALF_X, CENTRE_Y + half, colors.own_goal)
     rectangle(image, CENTRE_X + HALF_X, CENTRE_Y - half, float(SIZE), CENTRE_Y + half, colors.other_goal)
 
 
 @compiled
-def draw_disc(image, x, y, radius, law, color):
+def draw_disc(image, x, y, radius, params, color):
     """Draw a paddle or the puck. x and y are as in an observation, the radius is in m."""
-    radius_x = max(radius * law.per_x * HALF_X, SMALLEST_RADIUS)
-    radius_y = max(radius * law.per_y * HALF_Y, SMALLEST_RADIUS)
+    radius_x = max(radius * params.per_x * HALF_X, SMALLEST_RADIUS)
+    radius_y = max(radius * params.per_y * HALF_Y, SMALLEST_RADIUS)
     ellipse(image, CENTRE_X + x * HALF_X, CENTRE_Y - y * HALF_Y, radius_x, radius_y, 1.0, color, 1.0)
 
 
@@ -121,32 +121,32 @@ def draw_clock(image, used, colors):
 
 
 @compiled
-def draw_rows(first, last, observations, physics, background, colors, frames):
+def draw_rows(first, last, observations, parameters, background, colors, frames):
     """Draw the pictures `first` to `last` (excluded).
 
     Args:
         observations: (N, 13) float32, state observations.
-        physics: (1,) or (N,) `PHYSICS`.
-        background: flat uint8 array of the static part; includes the goals if there is one record of `physics`.
+        parameters: (1,) or (N,) `PARAMETERS`.
+        background: flat uint8 array of the static part; includes the goals if there is one record of `parameters`.
         colors: `Palette` of C channels.
         frames: (N, SIZE, SIZE, C) uint8, contiguous; written in place.
     """
-    own_physics = physics.shape[0] > 1
+    own_parameters = parameters.shape[0] > 1
     # Copy element by element through a flat view: assigning slices of images takes many times as long.
     flat = frames.reshape(frames.shape[0], background.shape[0])
     for i in range(first, last):
-        law = physics[i if own_physics else 0]
+        params = parameters[i if own_parameters else 0]
         for k in range(background.shape[0]):
             flat[i, k] = background[k]
         image = frames[i]
-        if own_physics:
-            draw_goals(image, law, colors)
+        if own_parameters:
+            draw_goals(image, params, colors)
         # Convert to float64: plain Python would stay in the observation's single precision, compiled code would not.
         seen = observations[i]
         draw_clock(image, float(seen[12]), colors)
-        draw_disc(image, float(seen[4]), float(seen[5]), law.radius[LEFT], law, colors.other)
-        draw_disc(image, float(seen[0]), float(seen[1]), law.radius[LEFT], law, colors.own)
-        draw_disc(image, float(seen[8]), float(seen[9]), law.radius[PUCK], law, colors.puck)
+        draw_disc(image, float(seen[4]), float(seen[5]), params.radius[LEFT], params, colors.other)
+        draw_disc(image, float(seen[0]), float(seen[1]), params.radius[LEFT], params, colors.own)
+        draw_disc(image, float(seen[8]), float(seen[9]), params.radius[PUCK], params, colors.puck)
 
 
 def draw_background(kind: str) -> NDArray[np.uint8]:
@@ -203,14 +203,14 @@ class Pixels:
         del kept[: -self.KEPT]
         return kept[-1]
 
-    def background(self, physics: NDArray[np.void]) -> NDArray[np.uint8]:
-        """The static part of the pictures for `physics`, (1,) or (N,). It includes the goals if there is one record."""
-        if len(physics) > 1:
+    def background(self, parameters: NDArray[np.void]) -> NDArray[np.uint8]:
+        """The static part of the pictures for `parameters`, (1,) or (N,); with the goals if there is one record."""
+        if len(parameters) > 1:
             return self._plain
-        goal = float(physics["half_goal"][0] * physics["per_y"][0])
+        goal = float(parameters["half_goal"][0] * parameters["per_y"][0])
         if goal != self._goal:
             self._with_goals, self._goal = self._plain.copy(), goal
-            draw_goals(self._with_goals, physics[0], self._colors)
+            draw_goals(self._with_goals, parameters[0], self._colors)
         return self._with_goals
 
     def draw(
@@ -218,7 +218,7 @@ class Pixels:
         first: int,
         last: int,
         observations: NDArray[np.float32],
-        physics: NDArray[np.void],
+        parameters: NDArray[np.void],
         background: NDArray[np.uint8],
         frames: NDArray[np.uint8],
     ) -> None:
@@ -226,7 +226,7 @@ class Pixels:
 
         Several threads may draw different parts of the same frames.
         """
-        draw_rows(first, last, observations, physics, background.reshape(-1), self._colors, frames)
+        draw_rows(first, last, observations, parameters, background.reshape(-1), self._colors, frames)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_kept": []}
