@@ -105,7 +105,7 @@ def check_ranges(args: Any, **ranges: tuple[float, float]) -> None:
     """Check number fields (None passes) of an arguments record against their (smallest, largest) values.
 
     Raises:
-        ValueError: one is out of range; the message names its option, what was given and what is allowed.
+        ValueError: a field is out of range. The message names its option, what was given and what is allowed.
     """
     for field, (least, greatest) in ranges.items():
         if getattr(args, field) is not None:
@@ -113,21 +113,21 @@ def check_ranges(args: Any, **ranges: tuple[float, float]) -> None:
 
 
 def not_default(args: Any) -> list[str]:
-    """Names of the fields of an arguments record that have another value than their default."""
+    """Names of the fields of a dataclass of arguments that differ from their defaults."""
     return [field.name for field in dataclasses.fields(args) if getattr(args, field.name) != field.default]
 
 
 def check_resumed(args: Any, kept: Any, given: Any = None) -> None:
-    """Check that a run is resumed with its own arguments: it would not heed others.
+    """Check that a run is resumed with its own arguments, because it would ignore others.
 
     Args:
-        args: of the command; what has its default value was not given.
-        kept: the run's own.
-        given: the run's own arguments with those of the command line in their places, where that is known. With it,
-            what was given is told from defaults.
+        args: the arguments of the command. A field with its default value counts as not given.
+        kept: the run's own arguments.
+        given: if known, the run's own arguments overridden by those on the command line, which also detects arguments
+            that were given with their default value.
 
     Raises:
-        ValueError: an argument is another than the run's; the message names its option.
+        ValueError: an argument differs from the run's. The message names its option.
     """
     names = [field.name for field in dataclasses.fields(kept)] if given is not None else not_default(args)
     now = args if given is None else given
@@ -141,7 +141,7 @@ def check_output(name: str, path: Path | None, suffix: str = "") -> None:
     """Check the path (None passes) of a file that a command will write, before it starts its work.
 
     Raises:
-        ValueError: it does not end in `suffix`.
+        ValueError: the path does not end in `suffix`.
         FileNotFoundError: its folder does not exist.
     """
     if path is None:
@@ -156,7 +156,7 @@ def make_folder(name: str, path: Path) -> None:
     """Make the folder that a command will write into, unless it is there, before it starts its work.
 
     Raises:
-        OSError: it cannot be made: there is a file in its place, or the folder above it does not exist, say.
+        OSError: it cannot be created, for example because its parent does not exist or it is a file.
     """
     try:
         path.mkdir(exist_ok=True)
@@ -165,7 +165,7 @@ def make_folder(name: str, path: Path) -> None:
 
 
 def check_table(table: str) -> TableSpec:
-    """The preset that `--table` names.
+    """Return the preset for `--table`.
 
     Raises:
         ValueError: there is no preset of that name.

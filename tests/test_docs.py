@@ -13,18 +13,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 import gymnasium
-import numpy as np
 import pytest
 
 from airhockey_env import AirHockeyEnv, Game
 from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.opponents.players import NAMES
-from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.parallel_env import AirHockeyParallelEnv
 from scripts.make_docs import environments_page
-from tests.helpers import IDS
+from tests.helpers import IDS, ROOT, still_policy
 
-ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 WORKS_WITH = ROOT / "docs" / "works_with.md"  # tests/ecosystem runs its blocks
 EXTENDING = ROOT / "docs" / "extending.md"
@@ -72,7 +69,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder to work in, with a run in it; and what an example registers is forgotten afterwards."""
     run = tmp_path / "runs" / "baseline"
     run.mkdir(parents=True)
-    MlpPolicy([np.zeros((2, 13), np.float32)], [np.zeros(2, np.float32)]).save(run / "policy.npz")
+    still_policy().save(run / "policy.npz")
     monkeypatch.chdir(tmp_path)
     registered = dict(gymnasium.registry)
     yield tmp_path
