@@ -42,6 +42,7 @@ class Pool:
         name: what errors call the players.
         by_caller: whether the caller plays this seat.
         asks: whether a policy plays on one of the tables.
+        observes: whether the players look at observations: the caller and policies do, scripted players do not.
         last_actions: (N, 2) what the policies answered in the last step, on the tables that they play.
 
     Args:
@@ -166,6 +167,7 @@ class Pool:
             self._drivers[self._seat][rows] = drivers[places[rows]]
         self._groups = None  # made where they are needed
         self.asks = not self.by_caller and bool((self._drivers[self._seat] == EXTERNAL).any())
+        self.observes = self.by_caller or self.asks
 
     def actions(self) -> NDArray[np.float32]:
         """Ask the policies for their actions, (N, 2) float32; rows of tables that scripted players play mean nothing.
