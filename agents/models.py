@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.files import read_json
+from airhockey_env.actions import DIRECTIONS
 from airhockey_env.drawing.pixels import CHANNELS, SIZE, Pixels
 from airhockey_env.game import OBS_TYPES, Game
 from airhockey_env.kernel.state import OBSERVATION_SIZE
 from airhockey_env.opponents.players import NAMES
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.opponents.trained import TRAINED, trained_policy
-from airhockey_env.spaces import DIRECTIONS
 
 Policy = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 """Maps state observations (N, 13), each from the player's own side, to actions (N, 2)."""
@@ -30,16 +30,6 @@ PLAYERS = (
     "or module:function"
 )
 """What a command accepts as a player."""
-
-PLAYER_HELP = (
-    f"{PLAYERS}. A function takes float32 observations (N, 13) and returns actions (N, 2); its module is "
-    "imported from the current folder."
-)
-
-TRUST_HELP = (
-    "Open the pickles in a model.zip that cannot be loaded without them. A pickle can run any code, so only use this "
-    "for files from people you trust."
-)
 
 _FUNCTION = re.compile(r"[^\W\d][\w.]*:[^\W\d]\w*")
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from airhockey_env.checks import check_array, check_choice, check_number, check_pair, check_positive, fault
 from airhockey_env.compiled import compiled, machine_code, records
 from airhockey_env.engine.advance import advance
 from airhockey_env.engine.cluster import forget, make_cluster
@@ -15,42 +16,22 @@ from airhockey_env.engine.discrete import advance_discrete
 from airhockey_env.engine.near import FEWEST, find_near, make_near
 from airhockey_env.engine.records import CONTACT, SURFACE, Discs
 from airhockey_env.engine.tolerances import FARTHEST, GREATEST, MOST_CONTACTS, OVERLAP, TABLE_CONTACTS
-from airhockey_env.real_numbers import as_float, shown
 from airhockey_env.threads import Threads
 
 METHODS = ("continuous", "kiss", "overlap")
 
 
-def _array(name: str, value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
-    """Return `value` as a new float64 array of the given shape, broadcasting scalars; raise ValueError if it is not."""
-    try:
-        given = np.asarray(value)
-    except (OverflowError, TypeError, ValueError) as error:
-        raise ValueError(f"{name} must be {what}, got {shown(value)}") from error
-    if given.dtype.kind == "O" and given.shape in ((), shape):  # whole numbers that no dtype holds, fractions
-        numbers = [as_float(number) for number in given.ravel()]
-        given = np.array([math.nan if number is None else number for number in numbers]).reshape(given.shape)
-        if None in numbers:
-            raise ValueError(f"{name} must be {what}, got {shown(value)}")
-    if given.dtype.kind not in "fiu":
-        raise ValueError(f"{name} must be {what}, got {shown(value)}")
-    with np.errstate(over="ignore", under="ignore"):
-        array = given.astype(np.float64)
-    if (np.isinf(array) & np.isfinite(given)).any():  # a longer type's number
-        raise ValueError(f"{name} must be {what}, got {shown(value)}")
-    array = np.array(np.broadcast_to(array, shape) if array.ndim == 0 else array, order="C")
-    if array.shape != shape:
-        raise ValueError(f"{name} must be {what}, that is of shape {shape}; got shape {array.shape}")
-    if np.isnan(array).any():
-        raise ValueError(f"{name} must be {what}, got NaN")
-    return array
+_RANGE = f"from {1.0 / GREATEST:g} to {GREATEST:g}"
 
 
-def _share(name: str, value: float) -> float:
-    number = as_float(value)
-    if number is None or not 0.0 <= number <= 1.0:
-        raise ValueError(f"{name} must be a number from 0 to 1, got {shown(value)}")
-    return number
+def _in_range(lengths_or_masses: NDArray[np.float64]) -> NDArray[np.bool_]:
+    return (lengths_or_masses >= 1.0 / GREATEST) & (lengths_or_masses <= GREATEST)
+
+
+def _check_all(name: str, numbers: NDArray[np.float64], good: NDArray[np.bool_], allowed: str) -> None:
+    """Raise the error about the first of these numbers that is not good."""
+    if not good.all():
+        raise fault(name, allowed, numbers[~good][0])
 
 
 def _recorded(buffer: NDArray[np.void], count: int) -> NDArray[np.void]:
@@ -162,40 +143,26 @@ class AirTable:
         size: tuple[float, float] | None = (2.0, 1.0),
         method: str = "continuous",
     ) -> None:
-        if not isinstance(method, str) or method not in METHODS:
-            raise ValueError(f"method must be one of {METHODS}, got {shown(method)}")
         try:
             n = len(positions)  # type: ignore[arg-type]
         except TypeError as error:
-            raise ValueError(f"positions must be an (N, 2) array, got {shown(positions)}") from error
+            raise fault("positions", "an (N, 2) array in m", positions) from error
         if n == 0:
             raise ValueError("positions must hold at least one disc, got none")
-        self.method = method
+        self.method = check_choice("method", method, METHODS)
         self.time = 0.0
-        self._positions = _array("positions", positions, (n, 2), "an (N, 2) array in m")
-        self._velocities = _array("velocities", velocities, (n, 2), "an (N, 2) array in m/s, N as in positions")
+        self._positions = check_array("positions", positions, (n, 2), "an (N, 2) array in m")
+        self._velocities = check_array("velocities", velocities, (n, 2), "an (N, 2) array in m/s, N as in positions")
         self._check_motion()
-        self._radii = _array("radii", radii, (n,), "a number or an (N,) array in m")
-        self._masses = _array("masses", masses, (n,), "a number or an (N,) array in kg")
-        if not (self._masses > 0.0).all():
-            raise ValueError(f"masses must be greater than 0 (inf is allowed), got {self._masses.min()}")
-        finite = self._masses[np.isfinite(self._masses)]
-        if not ((finite >= 1.0 / GREATEST) & (finite <= GREATEST)).all():
-            bad = finite[(finite < 1.0 / GREATEST) | (finite > GREATEST)][0]
-            raise ValueError(f"masses must be from {1.0 / GREATEST} to {GREATEST}, or inf; got {bad}")
-        post = (self._radii == 0.0) & np.isinf(self._masses)
-        good = ((self._radii > 0.0) & np.isfinite(self._radii)) | post
-        if not good.all():
-            raise ValueError(
-                f"radii must be finite and greater than 0 (0 for a disc of infinite mass), got {self._radii[~good][0]}"
-            )
-        sizes = self._radii[~post]
-        if not ((sizes >= 1.0 / GREATEST) & (sizes <= GREATEST)).all():
-            bad = sizes[(sizes < 1.0 / GREATEST) | (sizes > GREATEST)][0]
-            raise ValueError(f"radii must be from {1.0 / GREATEST} to {GREATEST}, got {bad}")
+        self._radii = check_array("radii", radii, (n,), "a number or an (N,) array in m")
+        self._masses = check_array("masses", masses, (n,), "a number or an (N,) array in kg")
+        posts = (self._radii == 0.0) & np.isinf(self._masses)
+        driven = self._masses == math.inf
+        _check_all("masses", self._masses, _in_range(self._masses) | driven, f"{_RANGE} kg, or inf")
+        _check_all("radii", self._radii, _in_range(self._radii) | posts, f"{_RANGE} m, or 0 where the mass is inf")
         self._surface = records(1, SURFACE)
-        self._surface["disc_restitution"] = _share("restitution", restitution)
-        self._surface["wall_restitution"] = _share("wall_restitution", wall_restitution)
+        self._surface["disc_restitution"] = check_number("restitution", restitution, 0, 1)
+        self._surface["wall_restitution"] = check_number("wall_restitution", wall_restitution, 0, 1)
         self._surface["wall_tangential"] = 1.0
         self.size = self._check_size(size)
         half_length, half_width = (math.inf, math.inf) if self.size is None else (0.5 * s for s in self.size)
@@ -218,7 +185,7 @@ class AirTable:
     @positions.setter
     def positions(self, value: ArrayLike) -> None:
         before = self._positions
-        self._positions = _array("positions", value, before.shape, "an (N, 2) array in m")
+        self._positions = check_array("positions", value, before.shape, "an (N, 2) array in m")
         try:
             self._check_motion()
             self._check_places()
@@ -234,7 +201,7 @@ class AirTable:
     @velocities.setter
     def velocities(self, value: ArrayLike) -> None:
         before = self._velocities
-        self._velocities = _array("velocities", value, before.shape, "an (N, 2) array in m/s")
+        self._velocities = check_array("velocities", value, before.shape, "an (N, 2) array in m/s")
         try:
             self._check_motion()
         except ValueError:
@@ -276,12 +243,9 @@ class AirTable:
                 or a disc would travel more than 1e300 m; or a position or velocity was set to NaN or beyond 1e50. The
                 table is left as it was before the step.
         """
-        seconds = as_float(dt)
-        if seconds is None or not 0.0 < seconds < math.inf:
-            raise ValueError(f"dt must be a finite number of seconds greater than 0, got {shown(dt)}")
-        if not math.isfinite(self.time + seconds):
-            raise ValueError(f"dt must leave the table's time finite, which is {self.time} s; got {shown(dt)}")
-        dt = seconds
+        dt = check_positive("dt", dt)
+        if not math.isfinite(self.time + dt):
+            raise fault("dt", f"so short that the table's time, which is {self.time} s, stays finite", dt)
         with self._threads.lock:
             contacts = self._step_continuous(dt) if self.method == "continuous" else self._step_discrete(dt)
             self.time += dt
@@ -331,27 +295,19 @@ class AirTable:
 
     def _check_motion(self, dt: float = 0.0) -> None:
         for name, array in (("positions", self._positions), ("velocities", self._velocities)):
-            if not np.isfinite(array).all():
-                raise ValueError(f"{name} must be finite, got {array[~np.isfinite(array)][0]}")
-            beyond = np.abs(array) > GREATEST
-            if beyond.any():
-                raise ValueError(f"{name} must be from {-GREATEST} to {GREATEST}, got {array[beyond][0]}")
+            _check_all(name, array, np.abs(array) <= GREATEST, f"finite, from {-GREATEST} to {GREATEST}")
         fastest = float(np.abs(self._velocities).max())
         if not fastest * dt <= FARTHEST:
-            raise ValueError(f"dt must be so short that no disc travels more than {FARTHEST} m, got {dt} s")
+            raise fault("dt", f"so short that no disc travels more than {FARTHEST} m", dt)
 
     @staticmethod
     def _check_size(size: tuple[float, float] | None) -> tuple[float, float] | None:
         if size is None:
             return None
-        length, width = _array("size", size, (2,), "(length, width) in m, or None")
-        if any(as_float(number) is None for number in size):
-            raise ValueError(f"size must be (length, width) in m, or None; got {shown(size)}")
-        if not (0.0 < length < math.inf and 0.0 < width < math.inf):
-            raise ValueError(f"size must be two finite lengths greater than 0, or None; got ({length}, {width})")
-        if not max(length, width) <= GREATEST:
-            raise ValueError(f"size must be two lengths of at most {GREATEST}, or None; got ({length}, {width})")
-        return float(length), float(width)
+        lengths = check_pair("size", size, also="None")
+        _check_all("size", lengths, (lengths > 0.0) & (lengths <= GREATEST), f"greater than 0 and at most {GREATEST} m")
+        length, width = lengths.tolist()
+        return length, width
 
     def _check_places(self) -> None:
         movable = self._inverse_masses > 0.0

@@ -28,7 +28,7 @@ from airhockey_env.drawing.pixels import CHANNELS, Pixels
 from airhockey_env.engine.records import CONTACT
 from airhockey_env.kernel.camera import CameraArrays, follow_rows, make_camera, show_rows, start_rows
 from airhockey_env.kernel.outputs import Outputs, make_outputs
-from airhockey_env.kernel.parameters import FIELDS, check_ranges, make_parameters, spec_of, with_specs
+from airhockey_env.kernel.parameters import make_parameters, spec_of, with_specs
 from airhockey_env.kernel.random_stream import stream_from_seed
 from airhockey_env.kernel.scripted import EXTERNAL
 from airhockey_env.kernel.state import (
@@ -48,7 +48,7 @@ from airhockey_env.opponents.players import Player, resolve_players
 from airhockey_env.opponents.pool import Pool
 from airhockey_env.reset_options import SERVERS, ResetOptions, check_reset_options
 from airhockey_env.saved_states import check_state, game_state, restore, save
-from airhockey_env.tables import TableSpec, resolve_table
+from airhockey_env.tables import FIELDS, TableSpec, check_randomize, resolve_table
 from airhockey_env.threads import Threads, one_at_a_time
 
 REWARDS = ("sparse", "shaped")
@@ -153,7 +153,7 @@ class Game:
         self.control_hz = check_number("control_hz", control_hz, *CONTROL_RATES)
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
         self._threads = Threads(None if num_threads is None else check_whole("num_threads", num_threads, 1))
-        self.ranges = check_ranges(self.spec, {} if randomize is None else randomize)
+        self.ranges = check_randomize(self.spec, {} if randomize is None else randomize)
         self.randomized = () if randomize is None else tuple(randomize)
         self.parameters = make_parameters(self.spec, self.control_hz)
         if self.randomized:
@@ -173,9 +173,10 @@ class Game:
         self.out: Outputs = make_outputs(n, bool(self.randomized))
         self._drivers = np.full((2, n), EXTERNAL, np.int8)
         self.pools = (self._make_pool("left", LEFT, left), self._make_pool("right", RIGHT, right))
-        self.settings["observed"] = [pool.by_caller or pool.asks for pool in self.pools]
         self._no_actions = np.zeros((n, 2), np.float32)
         self._all_rows = np.arange(n)
+        self._observed = (False, False)  # the seats whose observations are kept
+        self._keep_observations()
         self.begun = False
         self.seeded = False
         self.action_names = ("left", "right")
@@ -265,8 +266,9 @@ class Game:
         Raises:
             ValueError: a scripted player plays that seat, who looks at no observations.
         """
-        if not self.settings["observed"][0, seat]:
+        if not self.pools[seat].observes:
             raise ValueError(f"seat must be one that the caller or a policy plays, got {seat!r}: a scripted player's")
+        self._keep_observations()
         return self.as_observations(self.out.observation[seat])
 
     def contacts(self) -> NDArray[np.void]:
@@ -400,10 +402,13 @@ class Game:
             if done[0] if n == 1 else done.any():
                 over = np.flatnonzero(done).tolist()
                 raise ResetNeeded(f"the episodes on tables {over} are over: reset them before step")
-        if self.pools[LEFT].asks:
-            left_actions = self._ask(LEFT)
-        if self.pools[RIGHT].asks:
-            right_actions = self._ask(RIGHT)
+        left, right = self.pools
+        if (left.observes, right.observes) != self._observed:  # a policy has come into a pool, or left it
+            self._keep_observations()
+        if left.asks:
+            left_actions = left.actions()
+        if right.asks:
+            right_actions = right.actions()
         self._threads.share(n, ROWS_PER_THREAD, self._step_rows, left_actions, right_actions)
 
     def as_observations(
@@ -483,12 +488,13 @@ class Game:
         ]
         return made[LEFT], made[RIGHT]
 
-    def _ask(self, seat: int) -> NDArray[np.float32]:
-        """The actions of a seat's policies."""
-        if not self.settings["observed"][0, seat]:  # a policy has come into the pool
-            self.settings["observed"][0, seat] = True
+    def _keep_observations(self) -> None:
+        """Keep the observations of those seats whose players look at them, and of no others."""
+        observed = self.pools[LEFT].observes, self.pools[RIGHT].observes
+        before, self._observed = self._observed, observed
+        self.settings["observed"] = observed
+        if observed[LEFT] > before[LEFT] or observed[RIGHT] > before[RIGHT]:
             self._refresh(self._all_rows)
-        return self.pools[seat].actions()
 
     def _step_rows(self, first: int, last: int, left: NDArray[np.float32], right: NDArray[np.float32]) -> None:
         fixed = (self.states, self.parameters, self.settings, self.ranges, self._drivers)

@@ -3,16 +3,27 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from airhockey_env.real_numbers import as_float, shown
+import numpy as np
+from numpy.typing import NDArray
+
+from airhockey_env.checks import check_number, check_pair, fault
 
 LEAST, MOST = 1e-6, 1e6
-"""Range of sizes, masses, speeds and accelerations in SI units; drag coefficients may be 0 and at most `MOST`. Far
-beyond any real table, and no number computed from them overflows or underflows."""
+"""Range of sizes, masses, speeds and accelerations in SI units. It reaches far beyond any table, and nothing that is
+worked out from such numbers is too large or too small for a float."""
+RANGES = {
+    "wall_restitution": (0, 1),
+    "wall_tangential": (0, 1),
+    "paddle_restitution": (0, 1),
+    "drag_constant": (0, MOST),
+    "drag_linear": (0, MOST),
+    "drag_quadratic": (0, MOST),
+}
+"""Smallest and largest values of the fields of a `TableSpec` that have another range."""
 
 
 @dataclass(frozen=True)
@@ -62,21 +73,8 @@ class TableSpec:
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
-            object.__setattr__(self, field.name, _finite(field.name, getattr(self, field.name)))
-        for name in ("length", "width", "goal_width", "puck_radius", "puck_mass", "paddle_radius",
-                     "paddle_speed", "paddle_acceleration", "puck_speed"):  # fmt: skip
-            if getattr(self, name) <= 0.0:
-                raise ValueError(f"{name} must be greater than 0, got {getattr(self, name)}")
-            if not LEAST <= getattr(self, name) <= MOST:
-                raise ValueError(f"{name} must be from {LEAST} to {MOST}, got {getattr(self, name)}")
-        for name in ("wall_restitution", "wall_tangential", "paddle_restitution"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise ValueError(f"{name} must be from 0 to 1, got {getattr(self, name)}")
-        for name in ("drag_constant", "drag_linear", "drag_quadratic"):
-            if getattr(self, name) < 0.0:
-                raise ValueError(f"{name} must be 0 or more, got {getattr(self, name)}")
-            if getattr(self, name) > MOST:
-                raise ValueError(f"{name} must be at most {MOST}, got {getattr(self, name)}")
+            low, high = RANGES.get(field.name, (LEAST, MOST))
+            object.__setattr__(self, field.name, check_number(field.name, getattr(self, field.name), low, high))
         if not 2.0 * self.puck_radius < self.goal_width:
             raise ValueError(
                 f"goal_width must be greater than 2 * puck_radius ({2.0 * self.puck_radius}), got {self.goal_width}"
@@ -104,12 +102,8 @@ class TableSpec:
             raise ValueError(f"puck_speed must be greater than paddle_speed {self.paddle_speed}, got {self.puck_speed}")
 
 
-def _finite(name: str, value: Any) -> float:
-    number = as_float(value)
-    if number is None or not math.isfinite(number):
-        raise ValueError(f"{name} must be a finite number, got {shown(value)}")
-    return number
-
+FIELDS = tuple(field.name for field in dataclasses.fields(TableSpec))
+"""The fields of a `TableSpec`, in their order."""
 
 FULL_SIZE = TableSpec(
     length=2.362,
@@ -187,6 +181,37 @@ def resolve_table(table: str | TableSpec | Mapping[str, float]) -> TableSpec:
         if wrong:
             raise ValueError(f"table must be a mapping of the fields of a TableSpec, got one in which {wrong[0]}")
         return TableSpec(**table)
-    raise ValueError(
-        f"table must be one of {sorted(PRESETS)}, a TableSpec or a mapping of its fields, got {shown(table)}"
-    )
+    raise fault("table", f"one of {sorted(PRESETS)}, a TableSpec or a mapping of its fields", table)
+
+
+def check_randomize(spec: TableSpec, randomize: Mapping[str, Any]) -> NDArray[np.float64]:
+    """What `randomize` means, as (len(FIELDS), 2) smallest and largest values.
+
+    Args:
+        spec: the table whose values the fields that are not named keep.
+        randomize: from names of fields to (low, high).
+
+    Raises:
+        ValueError: a field is unknown, a range is not two finite numbers in order, or some values from the ranges do
+            not make a table. The message names the field.
+    """
+    if not isinstance(randomize, Mapping):
+        raise fault("randomize", "a mapping from TableSpec fields to (low, high)", randomize)
+    ranges = np.repeat(np.array(dataclasses.astuple(spec))[:, np.newaxis], 2, axis=1)
+    for name, given in randomize.items():
+        if name not in FIELDS:
+            raise fault("randomize", f"a mapping whose keys are among {FIELDS}", name)
+        low, high = check_pair(f"randomize[{name!r}]", given)
+        if low > high:
+            raise fault(f"randomize[{name!r}]", "(low, high) with low <= high", given)
+        ranges[FIELDS.index(name)] = low, high
+    lowest, highest = (dict(zip(FIELDS, ranges[:, side].tolist(), strict=True)) for side in (0, 1))
+    # The fields bind each other in one direction each: if the tightest tables are tables, all are.
+    tightest = {name: lowest[name] for name in ("length", "width", "puck_speed")}
+    tightest.update({name: highest[name] for name in ("puck_radius", "paddle_radius", "paddle_speed")})
+    for table in (lowest, highest, {**lowest, **tightest}, {**highest, **tightest}):
+        try:
+            TableSpec(**table)
+        except ValueError as error:
+            raise ValueError(f"randomize must allow only tables that can be, got ranges in which {error}") from error
+    return ranges

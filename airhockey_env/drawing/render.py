@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import functools
 import math
-import operator
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from airhockey_env.checks import as_array, check_number, check_whole_pair, fault
 from airhockey_env.drawing import raster
-from airhockey_env.real_numbers import as_float, shown
 from airhockey_env.tables import TableSpec
 
 Color = tuple[int, int, int]
@@ -127,36 +126,6 @@ def _mix(start: Color, stop: Color, share: float) -> Color:
     return red, green, blue
 
 
-def _pixel_size(value: Any) -> tuple[int, int]:
-    """Return `render_size` as two ints, or raise the ValueError that `Renderer` documents."""
-    problem = (
-        f"render_size must be two ints (width, height), each at most {LARGEST} and at least {SMALLEST} px, "
-        f"got {shown(value)}"
-    )
-    try:
-        width, height = value
-        if isinstance(width, bool) or isinstance(height, bool):
-            raise TypeError
-        width, height = operator.index(width), operator.index(height)
-    except (TypeError, ValueError):
-        raise ValueError(problem) from None
-    if min(width, height) < SMALLEST or max(width, height) > LARGEST:
-        raise ValueError(problem)
-    return width, height
-
-
-def _points(value: Any) -> tuple[int, int]:
-    """Return a score as two ints, or raise the ValueError that `Renderer.draw` documents."""
-    try:
-        left, right = value
-        left, right = operator.index(left), operator.index(right)
-    except (TypeError, ValueError):
-        left = right = -1
-    if min(left, right) < 0:
-        raise ValueError(f"score must be two ints from 0 (left, right), got {shown(value)}")
-    return left, right
-
-
 class Renderer:
     """Draws a table from above, with the left goal on the left and y pointing up.
 
@@ -184,7 +153,7 @@ class Renderer:
         if size is None:
             # A multiple of 8, which video codecs prefer.
             size = (DEFAULT_WIDTH, max(SMALLEST, 8 * round(DEFAULT_WIDTH * width / length / 8.0)))
-        self.size = _pixel_size(size)
+        self.size = check_whole_pair("render_size", size, SMALLEST, LARGEST)
         self.scale = min(self.size[0] / length, self.size[1] / width)
         self._board: tuple[int, int] | None = None
         self._scored: np.ndarray | None = None
@@ -203,21 +172,16 @@ class Renderer:
         Raises:
             ValueError: an argument is not as described. The message names it and says what was given.
         """
-        try:
-            places = np.asarray(positions, dtype=np.float64)
-        except (OverflowError, TypeError, ValueError):
-            places = np.empty(0)
-        if places.shape != (3, 2) or not np.isfinite(places).all():
-            raise ValueError(f"positions must be finite and of shape (3, 2), got {shown(positions)}")
-        used = as_float(clock)
-        if used is None or not -1.0 <= used <= 1.0:
-            raise ValueError(f"clock must be from -1 to 1, got {shown(clock)}")
-        points = _points(score)
-        # The score changes rarely, so it is part of the cached background.
+        places = as_array(positions)
+        if places is None or places.shape != (3, 2) or not np.isfinite(places).all():
+            raise fault("positions", "finite numbers of shape (3, 2)", positions)
+        clock = check_number("clock", clock, -1, 1)
+        points = check_whole_pair("score", score, 0)
+        # The score changes rarely: it is part of the cached picture.
         if self._scored is None or points != self._board:
             self._scored, self._board = self._draw_score(points), points
         image = self._scored.copy()
-        self._draw_clock(image, float(clock))
+        self._draw_clock(image, clock)
         self._draw_piece(image, places[2], self.table.puck_radius, PUCK_LAYERS)
         self._draw_piece(image, places[0], self.table.paddle_radius, LEFT_MALLET)
         self._draw_piece(image, places[1], self.table.paddle_radius, RIGHT_MALLET)

@@ -13,6 +13,8 @@ import numpy as np
 from gymnasium import logger
 from gymnasium.error import DependencyNotInstalled, Error
 
+from airhockey_env.checks import check_positive
+
 UNSEEN = ("offscreen", "dummy", "evdev")
 """SDL video drivers whose windows are not visible."""
 
@@ -45,19 +47,17 @@ class Window:
 
     Raises:
         DependencyNotInstalled: pygame-ce is missing.
-        ValueError: `fps` is not greater than 0.
+        ValueError: `fps` is not a finite number greater than 0.
     """
 
     # The display belongs to the process, so the window that owns it is stored in the class.
     _shown: ClassVar[Window | None] = None
 
     def __init__(self, size: tuple[int, int], title: str = "Air hockey", fps: float = 50.0) -> None:
-        if not fps > 0.0:
-            raise ValueError(f"fps must be greater than 0, got {fps!r}")
+        self._fps = check_positive("fps", fps)
         self._pygame = import_pygame()
         self._size = (int(size[0]), int(size[1]))
-        self._fps = fps
-        # Initialize the display only: pygame.init() would also open the sound card and joysticks.
+        # Only the display: pygame.init() would take hold of the sound card and joysticks as well.
         self._pygame.display.init()
         self._screen = self._pygame.display.set_mode(self._size)
         self._driver = self._pygame.display.get_driver()

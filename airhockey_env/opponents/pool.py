@@ -42,6 +42,7 @@ class Pool:
         name: what errors call the players.
         by_caller: whether the caller plays this seat.
         asks: whether a policy plays on one of the tables.
+        observes: whether the players look at observations: the caller and policies do, scripted players do not.
         last_actions: (N, 2) what the policies answered in the last step, on the tables that they play.
 
     Args:
@@ -166,6 +167,7 @@ class Pool:
             self._drivers[self._seat][rows] = drivers[places[rows]]
         self._groups = None  # made where they are needed
         self.asks = not self.by_caller and bool((self._drivers[self._seat] == EXTERNAL).any())
+        self.observes = self.by_caller or self.asks
 
     def actions(self) -> NDArray[np.float32]:
         """Ask the policies for their actions, (N, 2) float32; rows of tables that scripted players play mean nothing.
@@ -204,7 +206,8 @@ class Pool:
             if not len(rows):
                 continue
             place = int(np.argmax(group_of == number))
-            name = f"the actions of {self.name}" + (f" {place}" if len(self._members) > 1 else "")
+            who = self.name if self.name == "opponent" else f"{self.name} player"
+            name = f"the {who}'s actions" if len(self._members) == 1 else f"the actions of {who} {place}"
             policy = policy_of(self._members[place])
             if rows[-1] - rows[0] == len(rows) - 1:
                 part = slice(int(rows[0]), int(rows[-1]) + 1)

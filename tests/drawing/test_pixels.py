@@ -18,7 +18,8 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 from airhockey_env import PRESETS, AirHockeyEnv, AirHockeyVectorEnv
 from airhockey_env.drawing import raster
 from airhockey_env.game import Game
-from airhockey_env.kernel.parameters import physics_record
+from airhockey_env.kernel.parameters import make_parameters
+from airhockey_env.kernel.state import LEFT, RIGHT
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import FULL_SIZE
 from tests.helpers import pursue, random_actions, same, turned
@@ -42,7 +43,7 @@ def state(**changes):
 
 def picture(seen, kind="rgb", **arguments):
     """The picture of state observations."""
-    return Game(len(seen), obs_type=kind, num_threads=1, **arguments).shown(seen)
+    return Game(len(seen), obs_type=kind, num_threads=1, **arguments).as_observations(seen)
 
 
 SURFACE = (slice(8, 82), slice(3, 81))
@@ -171,13 +172,13 @@ def test_goals_are_as_wide_as_the_tables():
 def test_tables_with_physics_of_their_own_look_as_they_do_alone():
     specs = [*PRESETS.values(), dataclasses.replace(FULL_SIZE, goal_width=0.6, puck_radius=0.08)]
     game = Game(4, obs_type="rgb", num_threads=1)
-    game.physics = np.concatenate([physics_record(spec, 50) for spec in specs])
+    game.parameters = np.concatenate([make_parameters(spec, 50) for spec in specs])
     seen = np.repeat(state(at8=-0.97, at9=0.3), 4, axis=0)
-    images = game.shown(seen)
+    images = game.as_observations(seen)
     for i, spec in enumerate(specs):
         alone = picture(seen[:1], table=spec)
         assert same(images[i], alone[0])
-        assert same(game.shown(seen[:1], np.array([i])), alone)
+        assert same(game.as_observations(seen[:1], np.array([i])), alone)
 
 
 # Whose side a picture shows -----------------------------------------------------------------------------------------
@@ -186,16 +187,13 @@ def test_tables_with_physics_of_their_own_look_as_they_do_alone():
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_right_hand_player_sees_the_turned_table(kind):
     n = 40
-    game, mirror = (Game(n, opponent=None, obs_type=kind, num_threads=1) for _ in range(2))
-    game.seed(np.arange(n))
-    game.reset()
+    game, mirror = (Game(n, right=None, obs_type=kind, num_threads=1) for _ in range(2))
+    game.reset(seed=0)
     for left, right in zip(random_actions(5, 80, n), random_actions(6, 80, n), strict=True):
-        game.step(game.check_actions(left), game.check_actions(right))
-        if game.tables["done"].any():
-            game.reset(np.flatnonzero(game.tables["done"]))
+        game.step(left, right)
     mirror.set_state(turned(game.get_state()))
-    assert same(mirror.shown(mirror.out.other_observation), game.observations())
-    assert same(mirror.observations(), game.shown(game.out.other_observation))
+    assert same(mirror.observations(RIGHT), game.observations(LEFT))
+    assert same(mirror.observations(LEFT), game.observations(RIGHT))
     assert not same(mirror.observations(), game.observations())
 
 
@@ -228,7 +226,7 @@ def test_threads_and_batch_sizes_do_not_change_a_bit(kind):
     expected = picture(seen, kind)
     for threads in (2, 3, 7):
         game = Game(n, obs_type=kind, num_threads=threads)
-        assert same(game.shown(seen), expected)
+        assert same(game.as_observations(seen), expected)
     for i in range(0, n, 50):
         assert same(picture(seen[i : i + 1], kind)[0], expected[i])
 
