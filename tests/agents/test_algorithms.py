@@ -315,8 +315,8 @@ def test_a_tiny_run_of_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         (("--hyperparams", "empty.yml"), "--env must have a section"),
         (("--hyperparams", "wrong.yml"), "is not in RL-Zoo's format"),
         (("--hyperparams", "unknown.yml"), "hyperparameters do not fit ppo"),
-        (("--steps", "0"), "--steps must be 1 or more"),
-        (("--eval-episodes", "0"), "--eval-episodes must be 1 or more"),
+        (("--steps", "0"), "--steps must be a number from 1 to"),
+        (("--eval-episodes", "0"), "--eval-episodes must be a number from 1 to"),
         (("--name", "../outside"), "--name must be a folder's name"),
     ],
 )
