@@ -96,7 +96,7 @@ def read_json(path: Path, pattern: Any = None) -> Any:
     """
     size = path.stat().st_size
     if size > MOST_BYTES:
-        raise ValueError(f"{path} has {size:,} bytes, and may have {MOST_BYTES:,}")
+        raise ValueError(f"{path} has {size:,} bytes, and at most {MOST_BYTES:,} are allowed")
     try:
         data = parse_json(path.read_text(encoding="utf-8"))
     except ValueError as error:  # of the text or of its encoding
