@@ -1,4 +1,4 @@
-"""The engine for people who want physics and no game."""
+"""`AirTable`: the physics engine without a game."""
 
 from __future__ import annotations
 
@@ -35,22 +35,23 @@ def _check_all(name: str, numbers: NDArray[np.float64], good: NDArray[np.bool_],
 
 
 def _recorded(buffer: NDArray[np.void], count: int) -> NDArray[np.void]:
-    """The first contacts of a buffer, as a plain array of their own."""
+    """Return a copy of the first `count` contacts of a buffer, as a plain array."""
     return np.array(buffer[:count].view(np.ndarray))
 
 
 @compiled
 def play_part(discs, before, surface, start, dt, limit, contacts, near, cluster):
-    """Play a step of `dt` seconds, or what is left of it, until the buffer of contacts is full.
+    """Simulate a step of `dt` seconds, or the rest of it, until the buffer of contacts is full.
 
     Args:
         discs, limit, contacts, near, cluster: see `advance`.
-        before: (n, 4), keeps positions and velocities from before the step.
+        before: (n, 4) buffer for positions and velocities before the step.
         surface: (1,) `SURFACE`.
-        start: s; negative for a new step.
+        start: s into the step at which to continue; negative for a new step.
 
     Returns:
-        (s that were played, contacts); contacts are -1 if a number is out of range, and nothing has moved then.
+        The time reached in the step, s, and the number of contacts. The latter is -1 if a number is out of range; then
+        nothing has moved.
     """
     n = discs.position.shape[0]
     if start < 0.0:
@@ -71,50 +72,53 @@ def play_part(discs, before, surface, start, dt, limit, contacts, near, cluster)
     outcome = advance(discs, surface[0], start, dt, limit, contacts, True, near, cluster)
     if outcome.contacts < contacts.shape[0] and not outcome.elapsed < dt:
         for a in range(n):
-            if discs.inverse_mass[a] == 0.0:  # those that gave way did so for this step only
+            if discs.inverse_mass[a] == 0.0:  # discs that gave way (see `relieve`) do so for this step only
                 discs.velocity[a, 0], discs.velocity[a, 1] = before[a, 2], before[a, 3]
     return outcome.elapsed, outcome.contacts
 
 
 _play_parts: dict[bool, Callable[..., tuple[float, int]]] = {}
-"""The machine code of `play_part` without and with pairs that are near, once it is needed."""
+"""The machine code of `play_part`, keyed by whether there is no broad phase; compiled when first needed."""
 
 
 class AirTable:
-    """Any number of pucks on an air table: no friction, exact kisses.
+    """A frictionless air table with any number of discs, simulated with exact contact times.
 
     The table is centred on the origin with x along its length. Velocities are constant between contacts.
 
-    Contacts at the very same instant are resolved one after the other, by the number of the disc: a fixed order, so
-    that runs repeat to the bit, but neither a symmetric one nor the same for other numbers. One puck onto two that
-    touch (the second example) sends the one with the lower number off faster. Real pucks would meet both at once, by
-    a law of their material that restitution alone does not give.
+    Simultaneous contacts are resolved one after the other, in the order of the disc numbers. This makes runs
+    reproducible to the bit, but the result depends on the numbering and need not be symmetric: when a puck hits two
+    touching pucks at once (the second example), the one with the lower number leaves faster. Real pucks would collide
+    with both at the same time, in a way that depends on their material and not on restitution alone.
 
-    Where a restitution is below 1, packed pucks have ever more contacts in ever less time. On tables with 12 discs or
-    more, such a cluster is settled at once, as one inelastic contact of all discs less than a hundredth of their radii
-    apart: to the velocities nearest to the present ones with which none of them approach. Momentum and angular momentum
-    are kept, and the energy never grows. See `airhockey_env.engine.cluster`.
+    With a restitution below 1, pucks that are packed together have ever more contacts in ever less time (inelastic
+    collapse). On tables with 12 discs or more, such a cluster is resolved in a single step, as one inelastic contact of
+    all discs that are less than a hundredth of their radii apart: they get the velocities closest to their present ones
+    for which no two of them approach. This conserves momentum and angular momentum and never increases the energy. See
+    `airhockey_env.engine.cluster`.
 
     Args:
-        positions: (N, 2) centres of the discs, m, up to 1e50 from the axes. Neither overlapping each other nor
-            reaching over a wall.
-        velocities: (N, 2) m/s, up to 1e50 along each axis.
-        radii: scalar or (N,), m, from 1e-50 to 1e50, or 0 for a disc of infinite mass: a post.
-        masses: scalar or (N,), kg, from 1e-50 to 1e50, or `inf`. A disc of mass `inf` is immovable, or driven from
-            outside: it keeps its velocity, passes through walls and other such discs, and gives way (stops for the
-            rest of the step) only where it squeezes a puck.
-        restitution: of disc on disc, 0 to 1.
-        wall_restitution: of disc on wall, 0 to 1.
-        size: (length, width) of the table, m, greater than 0 and up to 1e50; or None for no walls.
-        method: how a step finds and resolves contacts. `"continuous"`: exact, earliest kiss first, at any speed and
-            any step. `"kiss"`: discs that overlap at the end of the step are taken back to their kiss point.
-            `"overlap"`: the normal is taken from the overlapping positions, as is often done. See the README.
+        positions: (N, 2) centres of the discs, m, each coordinate at most 1e50 in size. Discs must not overlap each
+            other or extend beyond a wall.
+        velocities: (N, 2) m/s, each component at most 1e50 in size.
+        radii: scalar or (N,), m, from 1e-50 to 1e50. A disc of infinite mass may have radius 0 (a post).
+        masses: scalar or (N,), kg, from 1e-50 to 1e50, or `inf`. A disc of mass `inf` is immovable or driven by the
+            caller: it keeps its velocity, passes through walls and other such discs, and only gives way (stops for the
+            rest of the step) when it squeezes a puck.
+        restitution: restitution between discs, 0 to 1.
+        wall_restitution: restitution between disc and wall, 0 to 1.
+        size: (length, width) of the table, m, greater than 0 and up to 1e50; None for no walls.
+        method: how a step detects and resolves contacts. `"continuous"` resolves contacts exactly, in order of time, at
+            any speed and for any step. `"kiss"` moves discs that overlap at the end of the step back to where they
+            first touched. `"overlap"` takes the normal from the overlapping positions, as many simulations do.
+            docs/kiss_study.md compares them.
 
     Attributes:
         time: s since construction.
 
     Raises:
-        ValueError: an argument is of the wrong shape or range, or discs overlap. The message names the argument.
+        ValueError: an argument has the wrong shape or is out of range, or discs overlap. The message names the
+            argument.
 
     Example:
         >>> table = AirTable([[-0.5, 0.0], [0.0, 0.03]], [[2.0, 0.0], [0.0, 0.0]], radii=0.05)
@@ -175,7 +179,7 @@ class AirTable:
 
     @property
     def positions(self) -> NDArray[np.float64]:
-        """(N, 2) centres, m. The live array; assigning places the discs anew, with the constructor's checks."""
+        """(N, 2) centres, m, as the live array. Assigning moves the discs, with the same checks as the constructor."""
         return self._positions
 
     @positions.setter
@@ -191,7 +195,7 @@ class AirTable:
 
     @property
     def velocities(self) -> NDArray[np.float64]:
-        """(N, 2) m/s. The live array; change or assign it to drive discs."""
+        """(N, 2) m/s, as the live array. Modify or assign it to drive discs."""
         return self._velocities
 
     @velocities.setter
@@ -206,38 +210,38 @@ class AirTable:
 
     @property
     def radii(self) -> NDArray[np.float64]:
-        """(N,) m; a copy."""
+        """(N,) radii, m; a copy."""
         return self._radii.copy()
 
     @property
     def masses(self) -> NDArray[np.float64]:
-        """(N,) kg; a copy."""
+        """(N,) masses, kg; a copy."""
         return self._masses.copy()
 
     @property
     def energy(self) -> float:
-        """Kinetic energy of the discs of finite mass, J."""
+        """Kinetic energy of all discs of finite mass, J."""
         finite = np.isfinite(self._masses)
         return float(0.5 * np.sum(self._masses[finite] * np.sum(self._velocities[finite] ** 2, axis=1)))
 
     def step(self, dt: float) -> NDArray[np.void]:
-        """Play `dt` seconds. Of several threads that call it, one plays at a time.
+        """Simulate `dt` seconds. Threads may share a table; calls are then executed one at a time.
 
-        Every contact of the step is collected, so memory grows with `dt`, up to 4,194,304 contacts: on a table whose
-        pucks lose nothing, play a long time in many steps.
+        All contacts of the step are returned, up to 4,194,304, so memory grows with `dt`. Simulate long times on a
+        lossless table in many steps.
 
         Args:
             dt: s, greater than 0.
 
         Returns:
-            A structured array, one row a contact, in the order of time: `time` (s into this step), `a`, `b` (numbers
+            A structured array with one row per contact, in order of time: `time` (s into this step), `a`, `b` (numbers
             of the discs, a < b; b is -1 for a wall), `x`, `y` (where they touch, m), `nx`, `ny` (unit normal from b
-            to a) and `impulse` (N s, along the normal on a, against it on b).
+            to a) and `impulse` (N s, on a along the normal, on b against it).
 
         Raises:
-            ValueError: `dt` is not a finite number greater than 0, or is so long that there would be more contacts or
-                a disc would travel more than 1e300 m; or a position or velocity was set to NaN or beyond 1e50. All is
-                as before the step then.
+            ValueError: `dt` is not a finite number greater than 0; it is so long that there would be too many contacts
+                or a disc would travel more than 1e300 m; or a position or velocity was set to NaN or beyond 1e50. The
+                table is left as it was before the step.
         """
         dt = check_positive("dt", dt)
         if not math.isfinite(self.time + dt):
@@ -271,7 +275,7 @@ class AirTable:
                     f"dt must be so short that a step has at most {MOST_CONTACTS} contacts; {dt} s have more: play "
                     "several steps"
                 )
-            buffer = records(min(2 * len(buffer), MOST_CONTACTS), CONTACT)  # full: go on where it paused
+            buffer = records(min(2 * len(buffer), MOST_CONTACTS), CONTACT)  # full: continue where it paused
             elapsed, count = play(discs, self._before, self._surface, elapsed, dt, limit, buffer, near, cluster)
             parts.append(_recorded(buffer, count))
             total += count
@@ -286,7 +290,7 @@ class AirTable:
             if count <= len(buffer):
                 contacts = _recorded(buffer, count)
                 return contacts[np.argsort(contacts["time"], kind="stable")]
-            buffer = records(count, CONTACT)  # too small: play the step again
+            buffer = records(count, CONTACT)  # too small: simulate the step again
             self._positions[:], self._velocities[:] = positions, velocities
 
     def _check_motion(self, dt: float = 0.0) -> None:

@@ -1,4 +1,4 @@
-"""Tables to play on: sizes, masses and physics as frozen, validated data with their sources."""
+"""Table presets: sizes, masses and physical constants as frozen, validated data with their sources."""
 
 from __future__ import annotations
 
@@ -28,48 +28,48 @@ RANGES = {
 
 @dataclass(frozen=True)
 class TableSpec:
-    """Everything that is fixed about a table. SI units: m, s, kg.
+    """The size and the physics of a table, in SI units: m, s, kg.
 
     The table is centred on the origin with x along its length; the left player's goal is at -x.
     Derive a variant with `dataclasses.replace(FULL_SIZE, puck_mass=0.02)`.
 
     Raises:
-        ValueError: a field is not a finite number, is out of range, or does not fit the others. The message
+        ValueError: a field is not a finite number, is out of range, or is inconsistent with the others. The message
             names the field, what was given and what is allowed.
     """
 
     length: float
-    """Playing surface along x, m."""
+    """Length of the playing surface, along x, m."""
     width: float
-    """Playing surface along y, m."""
+    """Width of the playing surface, along y, m."""
     goal_width: float
-    """Opening between the two posts of a goal, m; wider than the puck."""
+    """Distance between the two posts of a goal, m; larger than the diameter of the puck."""
     puck_radius: float
-    """m."""
+    """Radius of the puck, m."""
     puck_mass: float
-    """kg. Paddles are driven from outside (infinitely heavy), so this only scales reported impulses."""
+    """Mass of the puck, kg. Paddles are infinitely heavy, so this only scales the reported impulses."""
     paddle_radius: float
-    """m."""
+    """Radius of both paddles, m."""
     wall_restitution: float
-    """Share of the normal speed that a puck keeps at a wall or post, 0 to 1."""
+    """Share of its normal speed that the puck keeps when it hits a wall or post, 0 to 1."""
     wall_tangential: float
-    """Share of the tangential speed that a puck keeps at a wall or post, 0 to 1."""
+    """Share of its tangential speed that the puck keeps when it hits a wall or post, 0 to 1."""
     paddle_restitution: float
-    """Restitution of puck on paddle, 0 to 1."""
+    """Restitution between puck and paddle, 0 to 1."""
     drag_constant: float
-    """Glide deceleration a of a + c*v + b*v**2, m/s**2."""
+    """Coefficient a of the glide deceleration a + c*v + b*v**2, m/s**2."""
     drag_linear: float
-    """Glide deceleration c of a + c*v + b*v**2, 1/s."""
+    """Coefficient c of the glide deceleration a + c*v + b*v**2, 1/s."""
     drag_quadratic: float
-    """Glide deceleration b of a + c*v + b*v**2, 1/m."""
+    """Coefficient b of the glide deceleration a + c*v + b*v**2, 1/m."""
     paddle_speed: float = 5.0
-    """Greatest speed of a paddle, m/s. With a restitution of 0.8 a still puck leaves a full-speed paddle at
-    9 m/s; shots by people peak near 9.7 m/s."""
+    """Greatest speed of a paddle, m/s. With a restitution of 0.8, a resting puck leaves a full-speed paddle at 9 m/s;
+    human shots peak near 9.7 m/s."""
     paddle_acceleration: float = 30.0
-    """Greatest change of a paddle's velocity, m/s**2."""
+    """Greatest acceleration of a paddle, m/s**2."""
     puck_speed: float = 12.0
-    """Greatest speed of the puck at the end of a control step, m/s: faster pucks are slowed to it, so that
-    observations stay in range. More than a paddle's greatest speed."""
+    """Greatest speed of the puck at the end of a control step, m/s. A faster puck is slowed down to it, so that
+    observations stay in range. Must be greater than `paddle_speed`."""
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -143,7 +143,7 @@ CHALLENGE = TableSpec(
 """The table of the Robot Air Hockey Challenge 2023.
 
 Sources: the challenge's MuJoCo model (damping 0.005 on a puck of 0.010 kg: a linear drag of about 0.5 /s); wall
-restitution 0.79 and 0.84 from its Kalman filter; paddle restitution as on `FULL_SIZE`.
+restitution 0.79 and 0.84 from its Kalman filter; paddle restitution as for `FULL_SIZE`.
 """
 
 IDEAL = dataclasses.replace(
@@ -155,18 +155,18 @@ IDEAL = dataclasses.replace(
     drag_linear=0.0,
     drag_quadratic=0.0,
 )
-"""`FULL_SIZE` without any loss: for physics lessons and for tests of the laws. No real table."""
+"""`FULL_SIZE` without any losses, for physics lessons and for tests of conservation laws. Not a real table."""
 
 PRESETS: dict[str, TableSpec] = {"full_size": FULL_SIZE, "challenge": CHALLENGE, "ideal": IDEAL}
 
 
 def resolve_table(table: str | TableSpec | Mapping[str, float]) -> TableSpec:
-    """Return the `TableSpec` that a `table` argument means: a preset's name, a spec, or a mapping of its fields.
+    """Return the `TableSpec` for a `table` argument: the name of a preset, a spec, or a mapping of its fields.
 
-    The mapping names all fields that have no default, as `dataclasses.asdict(FULL_SIZE)` does.
+    A mapping must have all fields that have no default, for example `dataclasses.asdict(FULL_SIZE)`.
 
     Raises:
-        ValueError: not one of these.
+        ValueError: `table` is none of these, or a field of the mapping is invalid.
     """
     if isinstance(table, TableSpec):
         return table
