@@ -17,6 +17,7 @@ from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.parallel_env import AirHockeyParallelEnv
 from airhockey_env.replay import RecordReplay, Replay, play_back, play_back_frames
+from airhockey_env.saved_states import game_state
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from tests.api.apis import APIS
 from tests.helpers import INF, NAN, begin, handed, pursue, same, shown, snapshot
