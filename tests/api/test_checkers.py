@@ -171,12 +171,3 @@ def test_observation_table_in_the_docstring_is_true():
             np.testing.assert_allclose(observation[:12], expected, rtol=1e-6, atol=1e-7)
             if over:
                 observation, _ = env.reset()
-
-
-def test_clock_in_the_docstring_is_true():
-    env = AirHockeyEnv(opponent="idle", control_hz=50)
-    for serve, sign in (("left", 1.0), ("right", -1.0)):
-        env.reset(seed=0, options={"serve": serve})
-        for tick in range(1, 351):
-            observation = env.step([0.0, 0.0])[0]
-            assert observation[12] == np.float32(sign * tick / 50 / 7.0)
