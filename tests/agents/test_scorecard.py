@@ -201,9 +201,8 @@ def test_what_must_hold_for_any_play() -> None:
 
 
 def test_reaction() -> None:
-    game = Game(200, task="defend", opponent="idle")
-    game.seed(list(range(200)))
-    game.reset()
+    game = Game(200, task="defend", right="idle")
+    game.reset(seed=0)
     defence = Defence(game)
     assert 0.3 < defence.has_to_move.mean() < 0.95
     assert defence.courses.on_target.mean() > 0.9
