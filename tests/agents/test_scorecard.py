@@ -171,11 +171,11 @@ class TestScenes:
 def watched(first: str, second: str, points: int) -> tuple[list[tuple[Recorder, int]], Any]:
     recorders: list[tuple[Recorder, int]] = []
 
-    def watch(game: Game, own: int) -> Callable[[NDArray[np.bool_]], None]:
+    def observer(game: Game, own: int) -> Callable[[NDArray[np.bool_]], None]:
         recorders.append((Recorder(game), own))
         return recorders[-1][0].note
 
-    return recorders, play_points(first, second, points, watch=watch)
+    return recorders, play_points(first, second, points, observer=observer)
 
 
 def test_what_must_hold_for_any_play() -> None:
