@@ -24,7 +24,9 @@ def make(request):
     return request.param
 
 
-@pytest.mark.parametrize("arguments", [{"reward": "shaped"}, {"obs_type": "rgb", **RANDOMIZE}], ids=shown)
+@pytest.mark.parametrize(
+    "arguments", [{"reward": "shaped", "camera": "robot"}, {"obs_type": "rgb", **RANDOMIZE}], ids=shown
+)
 def test_a_state_put_back_goes_on_the_same(make, arguments):
     env = begin(make(max_episode_steps=50, **arguments))
     play(env, 80)

@@ -62,6 +62,10 @@ scorecard idle --table billiards
 scorecard idle --plot card.pdf
 scorecard idle --plot none/card.png
 scorecard idle --json none/card.json
+torture --seconds nan
+torture --jobs 0
+torture --seed -1
+torture --replay nothing.json
 train_ppo --opponent nobody
 train_ppo --opponents striker nobody
 train_ppo --table billiards

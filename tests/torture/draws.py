@@ -68,6 +68,8 @@ def draw_arguments(rng: np.random.Generator) -> tuple[str, dict[str, Any], tuple
             arguments["opponent_skill"] = rng.random(n).tolist()
     if name == "vector":
         arguments["autoreset_mode"] = pick(rng, tuple(mode.value for mode in AutoresetMode))
+    if rng.random() < 0.2:
+        arguments["camera"] = "robot"
     if rng.random() < 0.1:
         arguments |= {"render_mode": "rgb_array", "render_size": [96, 64]}
     return name, arguments, _spoil(rng, arguments) if rng.random() < 0.3 else ()
@@ -202,7 +204,7 @@ def draw_bad(rng: np.random.Generator, trial: Trial) -> dict[str, Any]:
         if rng.random() < 0.5:
             return {"do": "bad state", "value": pick(rng, WEIRD[:21])}
         state = encode_state(trial.face.env.get_state())
-        table = state["state"] if game.randomized else state
+        table = state.get("state", state)
         field, value = pick(
             rng, (("position", NAN), ("position", 1e9), ("velocity", INF), ("member", 99), ("member", -1))
         )

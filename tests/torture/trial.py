@@ -67,6 +67,8 @@ class Row:
         own = {name: value for name, value in arguments.items() if name not in OF_FACES}
         skill, opponent = own.pop("opponent_skill", 1.0), own.pop("opponent", "striker")
         skill = skill[i] if isinstance(skill, list) else skill
+        camera = own.pop("camera", None)
+        own["camera"] = (camera, camera if opponent is None else None)
         mode_of_game = AutoresetMode.DISABLED
         self.game = Game(1, right=opponent, right_skill=skill, **own, autoreset_mode=mode_of_game, num_threads=1)
         if isinstance(opponent, list):
