@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from airhockey_env.kernel.camera import CAMERA_STATE, MOMENT, CameraArrays
+from airhockey_env.kernel.camera import ARRIVES, CAMERA_STATE, MOMENT, CameraArrays
 from airhockey_env.kernel.state import PARAMETERS, SEATS, STATE
 
 _FLOATS = tuple(name for name in STATE.names or () if STATE[name].base.kind == "f")
@@ -110,16 +110,21 @@ def check_state(
         raise ValueError(f"state must be of a game at control_hz {hz:g}, as this one; got another's")
     for name, arrays in zip(_CAMERA_NAMES, cameras, strict=True):
         if arrays is not None:
-            _check_camera(saved[name], table, arrays)
+            _check_camera(saved[name], table, surface, arrays)
 
 
-def _check_camera(saved: NDArray[np.void], table: NDArray[np.void], arrays: CameraArrays) -> None:
+def _check_camera(
+    saved: NDArray[np.void], table: NDArray[np.void], params: NDArray[np.void], arrays: CameraArrays
+) -> None:
     """Raises ValueError unless a camera could be in these states: compiled code counts on it."""
     state, camera = saved["state"], arrays.camera[0]
     length, frames = arrays.queue.shape[1], arrays.past.shape[2]
     numbers = (*(state[name] for name in _CAMERA_FIELDS), saved["queue"], saved["past"])
     begun = table["side"] != 0
     due = np.floor((state["step"] + MOMENT) * camera["camera_hz"] / camera["control_hz"]) + 1
+    last = state["step"] + camera["delay"] + camera["jitter"] + 2.0 * MOMENT  # when the last frame so far can arrive
+    per_disc = [[params[name] for name in ("per_x", "per_y", speed, speed)] for speed in ("per_paddle", "per_puck")]
+    scale = np.moveaxis(np.array(per_disc), -1, 0)
     good = (
         all(np.isfinite(array).all() for array in numbers)
         and ((state["first"] >= 0) & (state["first"] < length)).all()
@@ -128,7 +133,8 @@ def _check_camera(saved: NDArray[np.void], table: NDArray[np.void], arrays: Came
         and ((state["next"] >= 0) & (state["next"] < frames)).all()
         and ((state["step"] == table["steps"]) | ~begun).all()
         and ((np.abs(state["frame"] - due) <= 1) | ~begun).all()
-        and ((state["scale"] > 0.0).all(axis=(1, 2)) | ~begun).all()
+        and (np.maximum(state["latest"], saved["queue"][..., ARRIVES].max(axis=1)) <= last).all()
+        and ((state["scale"] == scale).all(axis=(1, 2)) | ~begun).all()
     )
     if not good:
         raise ValueError("state must hold what its camera could know, got another camera's or a damaged one")
