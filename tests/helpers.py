@@ -109,8 +109,7 @@ def snapshot(env: Any) -> tuple[Any, ...]:
         other: Any = list(env.agents)
     else:
         other = env._targets if hasattr(env, "env_method") else str(env.np_random.bit_generator.state)
-    observations = game.out.observation.tobytes(), game.out.other_observation.tobytes()
-    return game.get_state().tobytes(), *observations, other
+    return game.get_state().tobytes(), game.out.observation.tobytes(), other
 
 
 def turned(tables: NDArray[np.void]) -> NDArray[np.void]:
@@ -119,7 +118,7 @@ def turned(tables: NDArray[np.void]) -> NDArray[np.void]:
     for name in ("position", "velocity"):
         other[name] = 0.0 - tables[name][:, [RIGHT, LEFT, PUCK]]
     other["side"] = -tables["side"]
-    for name in ("score", "player", "skill", "wander", "potential"):
+    for name in ("score", "member", "skill", "wander"):
         other[name] = tables[name][:, ::-1]
     return other
 
