@@ -279,7 +279,7 @@ def turned(state):
     for field in ("position", "velocity"):
         other[field] = 0.0 - state[field][:, [RIGHT, LEFT, PUCK]]
     other["side"] = -state["side"]
-    for field in ("score", "player", "skill", "wander", "potential"):
+    for field in ("score", "skill", "wander"):
         other[field] = state[field][:, ::-1]
     return other
 
