@@ -271,14 +271,6 @@ class Game:
         self._keep_observations()
         return self.as_observations(self.out.observation[seat])
 
-    def exact_observations(self, seat: int = LEFT) -> NDArray[np.float32]:
-        """A player's state observations as they would be without a camera, a fresh array: (N, 13)."""
-        if self.cameras[seat] is None:
-            return self.out.observation[seat].copy()
-        exact = make_outputs(self.num_tables, bool(self.randomized))
-        refresh_rows(self._all_rows, self.states, self.parameters, self.settings, exact)
-        return exact.observation[seat]
-
     def contacts(self) -> NDArray[np.void]:
         """The contacts of the last step, a copy: (N, CONTACT_ROWS) records of `CONTACT`.
 

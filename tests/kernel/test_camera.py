@@ -1,10 +1,14 @@
-"""Cameras: what they do to a player's observations, and that every API does the same."""
+"""Cameras: what they do to a player's observations.
+
+That every API does the same, autoreset modes and final observations included, is a matter of tests/api/test_parity.py.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 import re
+from functools import partial
 from typing import Any
 
 import gymnasium as gym
@@ -19,31 +23,13 @@ from airhockey_env.kernel.observations import OTHER_PADDLE, PUCK_COLUMNS
 from airhockey_env.kernel.state import SEATS
 from airhockey_env.parallel_env import AirHockeyParallelEnv
 from airhockey_env.saved_states import game_state
-from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.sensing import sense
-from tests.helpers import COPIES, INF, NAN, ROOT, begin, handed, pursue, random_actions, same, turned
+from tests.helpers import COPIES, HEAVY, INF, NAN, ROOT, begin, pursue, random_actions, same, turned
 
 SEEN = slice(OTHER_PADDLE.start, PUCK_COLUMNS.stop)
 NOT_SEEN = [0, 1, 2, 3, 12]
 STILL = np.zeros(2, np.float32)
-HEAVY = Camera(
-    camera_hz=77,
-    delay_ms=33,
-    jitter_ms=30,
-    noise_mm=5,
-    opponent_noise_mm=3,
-    velocity_frames=3,
-    dropout=0.2,
-    occlusion_mm=300,
-)
 CAMERAS = {"robot": ROBOT, "heavy": HEAVY, "slow": Camera(camera_hz=20, delay_ms=30, jitter_ms=20, noise_mm=2)}
-APIS = {
-    "single": AirHockeyEnv,
-    "vector": lambda **arguments: AirHockeyVectorEnv(2, **arguments),
-    "sb3": lambda **arguments: AirHockeySB3VecEnv(2, **arguments),
-    "parallel": AirHockeyParallelEnv,
-    "game": lambda **arguments: Game(1, left=None, right=None, **arguments),
-}
 
 
 def ideal(camera: Camera | None, control_hz: float = 50, **arguments: Any) -> AirHockeyEnv:
@@ -64,32 +50,6 @@ def shot(
         assert not terminated
         rows.append(observation)
     return np.array(rows)
-
-
-def start(env: Any) -> Any:
-    """A game of any API, after some steps, when frames are on their way."""
-    if not isinstance(env, Game):
-        begin(env, 21)
-    else:
-        env.reset(1)
-        play(env, random_actions(1, 21, 2))
-    game = getattr(env, "_game", env)
-    assert all((camera.states["waiting"] > 0).any() for camera in game.cameras if camera is not None)
-    return env
-
-
-def play(env: Any, actions: NDArray[Any]) -> list[Any]:
-    """All that a game of any API returns for these actions, (steps, 2, 2): of two tables, or of two players."""
-    returned = []
-    for rows in actions:
-        if isinstance(env, Game):
-            env.step(*rows[:, np.newaxis])
-            returned.append(env.out.observation.copy())
-        else:
-            returned.append(env.step(handed(env, rows)))
-            if env._one_table and env._game.done[0]:
-                returned.append(env.reset())
-    return returned
 
 
 # Arguments
@@ -120,12 +80,14 @@ def test_the_page_lists_every_field_with_its_values() -> None:
         assert str(getattr(ROBOT, name)).removesuffix(".0") == robot
 
 
-@pytest.mark.parametrize("make", APIS.values(), ids=APIS)
-def test_a_camera_by_name_as_a_camera_and_by_its_fields(make: Any) -> None:
-    cameras = [make(camera=given) for given in ("robot", ROBOT, ROBOT.fields())]
-    records = [getattr(env, "_game", env).cameras[LEFT].camera for env in cameras]
-    assert same(records[0], records[1]) and same(records[0], records[2])
-    for wrong in ("Robot", Camera, {"blur": 1.0}, 3, [], ["robot"], ["robot", 3]):
+def test_a_camera_by_name_as_a_camera_and_by_its_fields() -> None:
+    seen = [shot(AirHockeyEnv(camera=given)) for given in ("robot", ROBOT, ROBOT.fields())]
+    assert same(seen[0], seen[1]) and same(seen[0], seen[2])
+
+
+@pytest.mark.parametrize("wrong", ["Robot", [], ["robot"], ["robot", 3], ["robot", None, None]], ids=str)
+def test_two_players_have_one_camera_or_a_pair(wrong: object) -> None:
+    for make in (AirHockeyParallelEnv, partial(Game, 2)):
         with pytest.raises(ValueError, match=r"^camera must be "):
             make(camera=wrong)
 
@@ -153,7 +115,8 @@ def test_a_perfect_camera_changes_nothing(mode: str, camera: Camera) -> None:
     envs = AirHockeyVectorEnv(20, autoreset_mode=mode, opponent="random", camera=camera, **arguments)
     alone = AirHockeyVectorEnv(20, autoreset_mode=mode, opponent="random", **arguments)
     assert same(envs.reset(seed=0), alone.reset(seed=0))
-    assert same(play(envs, random_actions(0, 100, 20)), play(alone, random_actions(0, 100, 20)))
+    for actions in random_actions(0, 100, 20):
+        assert same(envs.step(actions), alone.step(actions))
 
 
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
@@ -327,75 +290,6 @@ def test_memories_end_with_their_episode() -> None:
     assert (first[10:12] == 0).all()
 
 
-# The same in every API
-
-
-def play_alone(seed: int, actions: list[Any], **arguments: Any) -> list[tuple[Any, bool]]:
-    """What one table shows: (observation, whether its episode begins with it) for every step and reset."""
-    env = AirHockeyEnv(**arguments)
-    rows = [(env.reset(seed=seed)[0], True)]
-    for action in actions:
-        observation, _, terminated, truncated, _ = env.step(action)
-        rows.append((observation, False))
-        if terminated or truncated:
-            rows.append((env.reset()[0], True))
-    return rows
-
-
-@pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
-@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
-def test_rows_of_a_batch_are_single_tables(mode: str, camera: Camera) -> None:
-    n, arguments = 5, {"opponent": "random", "max_episode_steps": 40, "camera": camera}
-    envs = AirHockeyVectorEnv(n, autoreset_mode=mode, **arguments)
-    rows = [[(row, True)] for row in envs.reset(seed=11)[0]]
-    played: list[list[Any]] = [[] for _ in range(n)]
-    over = np.zeros(n, bool)
-    for actions in random_actions(1, 200, n):
-        observations, _, terminated, truncated, infos = envs.step(actions)
-        for i in range(n):
-            begins = mode == "NextStep" and over[i]
-            if not begins:
-                played[i].append(actions[i])
-            if mode == "SameStep" and (terminated | truncated)[i]:
-                rows[i].append((infos["final_obs"][i], False))
-                begins = True
-            rows[i].append((observations[i], bool(begins)))
-        over = terminated | truncated
-        if mode == "Disabled" and over.any():
-            observations, _ = envs.reset(options={"reset_mask": over})
-            for i in np.flatnonzero(over):
-                rows[i].append((observations[i], True))
-    for i in range(n):
-        expected = play_alone(11 + i, played[i], **arguments)
-        assert sum(begins for _, begins in rows[i]) > 4
-        assert same(rows[i], expected[: len(rows[i])])
-
-
-@pytest.mark.parametrize("arguments", [{"opponent": "random"}, {"randomize": {"length": (2.0, 2.6)}}], ids=str)
-@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
-def test_a_batch_for_stable_baselines_is_the_same_step_batch(camera: Camera, arguments: dict[str, Any]) -> None:
-    arguments = {"max_episode_steps": 40, "camera": camera, **arguments}
-    envs, sb3 = AirHockeyVectorEnv(5, autoreset_mode="SameStep", **arguments), AirHockeySB3VecEnv(5, **arguments)
-    sb3.seed(11)
-    assert same(sb3.reset(), envs.reset(seed=11)[0])
-    ended = 0
-    for actions in random_actions(1, 100, 5):
-        seen, _, dones, infos = sb3.step(actions)
-        expected, _, _, _, details = envs.step(actions)
-        assert same(seen, expected)
-        for i in np.flatnonzero(dones):
-            assert same(infos[i]["terminal_observation"], details["final_obs"][i])
-            ended += 1
-    assert ended > 5
-
-
-def test_neither_the_size_of_the_batch_nor_threads_matter() -> None:
-    large, small = AirHockeyVectorEnv(3000, num_threads=2, camera=ROBOT), AirHockeyVectorEnv(2, camera=ROBOT)
-    assert same(large.reset(seed=5)[0][:2], small.reset(seed=5)[0])
-    for actions in random_actions(0, 30, 3000):
-        assert same(large.step(actions)[0][:2], small.step(actions[:2])[0])
-
-
 @pytest.mark.parametrize("obs_type", ["rgb", "grayscale"])
 def test_pictures_show_what_the_camera_sees(obs_type: str) -> None:
     arguments = {"autoreset_mode": "SameStep", "max_episode_steps": 15}
@@ -420,7 +314,7 @@ def test_each_player_has_a_camera_of_its_own() -> None:
     """Either may have none, and both have other noise."""
     seen = {}
     for name, camera in (("none", None), ("left", (HEAVY, None)), ("right", [None, HEAVY]), ("both", HEAVY)):
-        env = start(AirHockeyParallelEnv(camera=camera))
+        env = begin(AirHockeyParallelEnv(camera=camera), 21)
         seen[name] = env.observe()
         assert same(env.state(), seen["none"]["left"])  # the global state is exact
     assert same(seen["left"], {"left": seen["both"]["left"], "right": seen["none"]["right"]})
@@ -431,20 +325,20 @@ def test_each_player_has_a_camera_of_its_own() -> None:
 
 
 def test_a_turned_table_with_the_cameras_swapped_is_the_same_to_the_other_player() -> None:
-    env, other = (AirHockeyParallelEnv(task="match", camera=HEAVY) for _ in range(2))
-    state = start(env).get_state()
+    env, other = (AirHockeyParallelEnv(task="match", control_hz=20, camera=HEAVY) for _ in range(2))
+    state = begin(env, 21).get_state()
     swapped = state.copy()
     swapped["state"] = turned(state["state"])
     swapped["left_camera"], swapped["right_camera"] = state["right_camera"], state["left_camera"]
     other.set_state(swapped)
-    points = 0.0
+    points = fouls = 0
     for (right,) in random_actions(3, 400, 1):
         ours, theirs = env.observe(), other.observe()
         assert same((ours["left"], ours["right"]), (theirs["right"], theirs["left"]))
         left = pursue(ours["left"][np.newaxis])[0]
         told, _ = env.step({"left": left, "right": right}), other.step({"left": right, "right": left})
-        points += abs(told[1]["left"])
-    assert points > 0  # there were serves too
+        points, fouls = points + abs(told[1]["left"]), fouls + told[4]["left"]["foul"]
+    assert points > 0 and fouls > 0  # there were serves too
 
 
 def test_a_policy_looks_through_the_camera_of_its_seat() -> None:
@@ -507,42 +401,26 @@ def test_seeds_of_some_tables() -> None:
     assert same(envs.reset(seed=[1, 2, 3], options={"reset_mask": mask})[0][1], single.reset(seed=2)[0])
 
 
-@pytest.mark.parametrize("make", APIS.values(), ids=APIS)
-def test_a_state_that_is_put_back_goes_on_the_same(make: Any) -> None:
-    """In another game too, whose camera has seen something else."""
-    env, other = (make(camera=HEAVY, max_episode_steps=50) for _ in range(2))
-    state, seen = start(env).get_state(), getattr(env, "_game", env).out.observation.copy()
-    play(start(other), random_actions(2, 40, 2))
-    expected = play(env, random_actions(3, 120, 2))
-    for target in (env, other):
-        target.set_state(state)
-        assert target.get_state().tobytes() == state.tobytes()
-        assert same(getattr(target, "_game", target).out.observation[LEFT], seen[LEFT])
-        assert same(play(target, random_actions(3, 120, 2)), expected)
-
-
-def test_states_of_some_tables() -> None:
-    envs = AirHockeyVectorEnv(4, camera=HEAVY)
-    envs.reset(seed=0)
-    for actions in random_actions(0, 30, 4):
-        envs.step(actions)
-    kept, seen = envs.get_state([1, 2]), envs.observe()
-    envs.set_state(kept[::-1], [3, 1])
-    assert same(envs.observe([3, 1, 0, 2]), seen[[2, 1, 0, 2]])
-    for actions in random_actions(1, 30, 2):
-        observations = envs.step(actions[[0, 1, 0, 0]])[0]
-    assert not same(observations[3], observations[1]) and same(observations[3], observations[2])
-
-
-@pytest.mark.parametrize("copied", COPIES.values(), ids=COPIES)
-@pytest.mark.parametrize("make", APIS.values(), ids=APIS)
-def test_copies_go_on_the_same(make: Any, copied: Any) -> None:
-    env = start(make(camera=HEAVY, max_episode_steps=50))
-    other = copied(env)
-    kept = other.get_state().tobytes()
-    expected = play(env, random_actions(3, 120, 2))
-    assert other.get_state().tobytes() == kept  # they share nothing
-    assert same(play(other, random_actions(3, 120, 2)), expected)
+@pytest.mark.parametrize("way", ["set_state", *COPIES])
+def test_a_game_goes_on_the_same_from_a_state_and_in_a_copy(way: str) -> None:
+    """With frames on their way; of the environments, tests/api/test_states.py."""
+    game, other = (Game(2, left=None, right=pursue, camera=(ROBOT, HEAVY)) for _ in range(2))
+    for one, seed in ((game, 1), (other, 2)):
+        one.reset(seed)
+        for actions in random_actions(seed, 21, 2):
+            one.step(actions)
+    assert all(camera is not None and camera.states["waiting"].all() for camera in game.cameras)
+    if way == "set_state":
+        other.set_state(game.get_state())
+    else:
+        other = COPIES[way](game)
+    assert same(other.out.observation, game.out.observation)
+    for actions in random_actions(3, 60, 2):
+        game.step(actions)
+        assert not same(other.out.observation, game.out.observation)
+        other.step(actions)
+        assert same(other.out.observation, game.out.observation)
+    assert same(game.get_state(), other.get_state())
 
 
 DAMAGE = {
