@@ -456,6 +456,17 @@ def test_a_damaged_state_is_refused_and_changes_nothing(seat: int, field: str, v
     assert same(game.get_state(), before) and same(game.out.observation, seen)
 
 
+def test_frames_of_one_time_have_no_slope() -> None:
+    """A state is made up, whose remembered positions are all of the start of the episode."""
+    env = ideal(Camera(velocity_frames=6, delay_ms=20))
+    shot(env, velocity=(0.5, 0.2), steps=10)
+    state = env.get_state()
+    state["left_camera"]["past"][..., 0] = 0.0
+    env.set_state(state)
+    for _ in range(3):
+        assert env.step(STILL)[0] in env.observation_space
+
+
 def test_a_state_of_another_camera_is_refused() -> None:
     others = {"camera": None}, {"camera": Camera(delay_ms=500)}, {"camera": HEAVY, "table": "challenge"}
     states = [begin(AirHockeyEnv(**arguments)).get_state() for arguments in others]
