@@ -16,6 +16,9 @@ _CAMERA_FIELDS = tuple(name for name in CAMERA_STATE.names or () if CAMERA_STATE
 Cameras = tuple[CameraArrays | None, CameraArrays | None]
 """The cameras of the left and of the right player, where they have one."""
 
+CAMERA_NAMES = ("left_camera", "right_camera")
+"""What saved states call what these have seen."""
+
 
 def state_dtype(randomized: bool, cameras: Cameras) -> np.dtype:
     """The record that `Game.get_state` returns for one table.
@@ -28,11 +31,8 @@ def state_dtype(randomized: bool, cameras: Cameras) -> np.dtype:
         if arrays is not None:
             parts = [("state", CAMERA_STATE)]
             parts += [(name, np.float64, getattr(arrays, name).shape[1:]) for name in ("queue", "past")]  # type: ignore[misc]
-            fields.append((_CAMERA_NAMES[seat], np.dtype(parts)))
+            fields.append((CAMERA_NAMES[seat], np.dtype(parts)))
     return np.dtype([("state", STATE), *fields]) if fields else STATE
-
-
-_CAMERA_NAMES = ("left_camera", "right_camera")
 
 
 def game_state(saved: NDArray[np.void]) -> NDArray[np.void]:
@@ -51,7 +51,7 @@ def save(
     saved["state"] = states[rows]
     if randomized:
         saved["parameters"] = parameters[rows]
-    for name, arrays in zip(_CAMERA_NAMES, cameras, strict=True):
+    for name, arrays in zip(CAMERA_NAMES, cameras, strict=True):
         if arrays is not None:
             saved[name]["state"] = arrays.states[rows]
             saved[name]["queue"], saved[name]["past"] = arrays.queue[rows], arrays.past[rows]
@@ -70,7 +70,7 @@ def restore(
     states[rows] = game_state(saved)
     if randomized:
         parameters[rows] = saved["parameters"]
-    for name, arrays in zip(_CAMERA_NAMES, cameras, strict=True):
+    for name, arrays in zip(CAMERA_NAMES, cameras, strict=True):
         if arrays is not None:
             arrays.states[rows] = saved[name]["state"]
             arrays.queue[rows], arrays.past[rows] = saved[name]["queue"], saved[name]["past"]
@@ -108,7 +108,7 @@ def check_state(
     if randomized and (surface["tick"] != parameters["tick"][0]).any():
         hz = 1.0 / parameters["tick"][0]
         raise ValueError(f"state must be of a game at control_hz {hz:g}, as this one; got another's")
-    for name, arrays in zip(_CAMERA_NAMES, cameras, strict=True):
+    for name, arrays in zip(CAMERA_NAMES, cameras, strict=True):
         if arrays is not None:
             _check_camera(saved[name], table, surface, arrays)
 
@@ -133,7 +133,7 @@ def _check_camera(
         and ((state["next"] >= 0) & (state["next"] < frames)).all()
         and ((state["step"] == table["steps"]) | ~begun).all()
         and ((np.abs(state["frame"] - due) <= 1) | ~begun).all()
-        and (np.maximum(state["latest"], saved["queue"][..., ARRIVES].max(axis=1)) <= last).all()
+        and (saved["queue"][..., ARRIVES].max(axis=1) <= last).all()
         and ((state["scale"] == scale).all(axis=(1, 2)) | ~begun).all()
     )
     if not good:

@@ -41,7 +41,6 @@ CAMERA_STATE = np.dtype(
         ("frame", np.int64),  # number of the next frame
         ("first", np.int64),  # place in the queue of the frame that arrives next
         ("waiting", np.int64),  # frames in the queue
-        ("latest", np.float64),  # when the last of them arrives
         ("known", np.int64, (2,)),  # remembered positions of the opponent's paddle, the puck
         ("next", np.int64, (2,)),  # place in these rings of the next
         ("true", np.float64, (2, 4)),  # x, y, vx, vy of these at the last control step, m and m/s
@@ -218,8 +217,6 @@ def take_frame(state, camera, queue, tick, time, now):
     arrives = time + camera.delay
     if camera.jitter > 0.0:
         arrives += camera.jitter * (2.0 * draw(state) - 1.0)
-    arrives = max(arrives, state.latest)
-    state.latest = arrives
     k = state.first + state.waiting
     if k >= queue.shape[0]:
         k -= queue.shape[0]
@@ -232,7 +229,7 @@ def take_frame(state, camera, queue, tick, time, now):
 
 @inlined
 def receive(state, camera, queue, past, tick):
-    """Make sense of the frames that have arrived by now."""
+    """Make sense of the frames that have arrived by now. One that would overtake another waits for it in the queue."""
     new_other, new_puck = False, False
     while state.waiting > 0 and queue[state.first, ARRIVES] <= state.step + MOMENT:
         k = state.first
@@ -291,7 +288,6 @@ def start_episode(state, camera, queue, past, params, observation, now):
     state.frame = 1
     state.first = 0
     state.waiting = 0
-    state.latest = 0.0
     for disc in range(DISCS):
         state.known[disc] = 0
         state.next[disc] = 0
