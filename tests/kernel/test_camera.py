@@ -110,10 +110,9 @@ def test_sense_is_the_old_way() -> None:
 @pytest.mark.parametrize("camera", [Camera(), Camera(camera_hz=50), Camera(camera_hz=500)], ids=str)
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 def test_a_perfect_camera_changes_nothing(mode: str, camera: Camera) -> None:
-    """Nor do the scales of the observation, which are each table's own and change with the episode."""
-    arguments = {"randomize": {"length": (2.0, 2.6), "puck_radius": (0.03, 0.045)}, "max_episode_steps": 20}
-    envs = AirHockeyVectorEnv(20, autoreset_mode=mode, opponent="random", camera=camera, **arguments)
-    alone = AirHockeyVectorEnv(20, autoreset_mode=mode, opponent="random", **arguments)
+    arguments = {"opponent": "random", "randomize": {"length": (2.0, 2.6)}, "max_episode_steps": 20}
+    envs = AirHockeyVectorEnv(20, autoreset_mode=mode, camera=camera, **arguments)
+    alone = AirHockeyVectorEnv(20, autoreset_mode=mode, **arguments)
     assert same(envs.reset(seed=0), alone.reset(seed=0))
     for actions in random_actions(0, 100, 20):
         assert same(envs.step(actions), alone.step(actions))
@@ -194,6 +193,27 @@ def test_noise_is_gaussian_in_mm() -> None:
         assert (errors**4).mean() == pytest.approx(3, abs=0.4)
         assert abs(np.corrcoef(errors.T)[0, 1]) < 0.06
         assert same(seen[:, column + 2 : column + 4].astype(np.float32), true[:, column + 2 : column + 4])
+
+
+def test_noise_is_in_si_units_on_every_table() -> None:
+    """The scales of the observation are each table's own, and change with the episode; the noise does not."""
+
+    def errors(**arguments: Any) -> list[NDArray[np.float64]]:
+        """Of the puck, in m and m/s, in the second step of some episodes in which it rests."""
+        cameras = Camera(noise_mm=5, velocity_frames=2), None
+        envs, alone = (AirHockeyVectorEnv(5, opponent="idle", camera=camera, **arguments) for camera in cameras)
+        envs.reset(seed=1), alone.reset(seed=1)
+        found = []
+        for _ in range(3):
+            envs.reset(), alone.reset()
+            seen, true = (one.step(np.zeros((5, 2)))[0][:, PUCK_COLUMNS].astype(np.float64) for one in (envs, alone))
+            tables = [envs._game.table_of(i) for i in range(5)]
+            scale = [(0.5 * table.length, 0.5 * table.width, *[table.puck_speed] * 2) for table in tables]
+            found.append((seen - true) * scale)
+        return found
+
+    drawn = errors(randomize={"length": (1.5, 5.0), "width": (0.8, 1.5), "puck_speed": (6.0, 20.0)})
+    np.testing.assert_allclose(drawn, errors(), atol=1e-6)
 
 
 def test_the_normal_distribution() -> None:
@@ -456,11 +476,11 @@ def test_a_damaged_state_is_refused_and_changes_nothing(seat: int, field: str, v
 
 
 def test_frames_of_one_time_have_no_slope() -> None:
-    """A state is made up, whose remembered positions are all of the start of the episode."""
+    """A state is made up, whose remembered positions are all of the time of the frame that arrives next."""
     env = ideal(Camera(velocity_frames=6, delay_ms=20))
     shot(env, velocity=(0.5, 0.2), steps=10)
     state = env.get_state()
-    state["left_camera"]["past"][..., 0] = 0.0
+    state["left_camera"]["past"][..., 0] = 10.0
     env.set_state(state)
     for _ in range(3):
         assert env.step(STILL)[0] in env.observation_space
