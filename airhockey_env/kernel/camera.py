@@ -229,7 +229,7 @@ def take_frame(state, camera, queue, tick, time, now):
 
 @inlined
 def receive(state, camera, queue, past, tick):
-    """Make sense of the frames that have arrived by now. One that would overtake another waits for it in the queue."""
+    """Take in the frames that have arrived by now. A frame that would overtake another waits for it in the queue."""
     new_other, new_puck = False, False
     while state.waiting > 0 and queue[state.first, ARRIVES] <= state.step + MOMENT:
         k = state.first
@@ -254,7 +254,7 @@ def receive(state, camera, queue, past, tick):
 
 @inlined
 def measure(state, camera, params):
-    """Note the sizes of the table and the scales of its observations, which hold for an episode."""
+    """Note the sizes of the table and the scales of its observations, which stay the same for an episode."""
     state.reach = camera.occlusion + params.radius[RIGHT] + params.radius[PUCK] if camera.occlusion > 0.0 else 0.0
     for disc in range(DISCS):
         per_speed = params.per_paddle if disc == OTHER else params.per_puck
@@ -279,7 +279,7 @@ def show(state, observation):
 
 @compiled
 def start_episode(state, camera, queue, past, params, observation, now):
-    """Begin an episode: its first frame is seen at once, whole, and nothing is left of the last episode."""
+    """Begin an episode: its first frame is seen immediately and completely, and nothing of the last episode is kept."""
     queue[:] = 0.0
     past[:] = 0.0
     measure(state, camera, params)
@@ -304,7 +304,7 @@ def start_episode(state, camera, queue, past, params, observation, now):
 
 @compiled
 def follow(state, camera, queue, past, observation, now):
-    """Go one control step on."""
+    """Follow the game for one control step."""
     tick = 1.0 / camera.control_hz
     look(state, observation, now)
     state.step += 1
@@ -321,7 +321,7 @@ def follow(state, camera, queue, past, observation, now):
 
 @compiled
 def follow_rows(first, last, player, parameters, cameras, out):
-    """What a player's camera makes of a step of the tables `first` to `last` (excluded), after `step_rows`.
+    """Let a player's camera follow a step of the tables `first` to `last` (excluded), after `step_rows`.
 
     Args:
         player: LEFT or RIGHT.
@@ -344,7 +344,7 @@ def follow_rows(first, last, player, parameters, cameras, out):
 
 @compiled
 def start_rows(rows, player, parameters, cameras, out):
-    """Begin an episode on each of the given tables, as a player's camera sees it, after `reset_rows`."""
+    """Let a player's camera begin an episode on each of the given tables, after `reset_rows`."""
     camera = cameras.camera[0]
     now = np.empty(4 * DISCS)
     for k in range(rows.shape[0]):
@@ -355,6 +355,6 @@ def start_rows(rows, player, parameters, cameras, out):
 
 @compiled
 def show_rows(rows, player, cameras, out):
-    """What a player knows of each of the given tables, after `refresh_rows`."""
+    """Show what a player's camera has seen of each of the given tables, after `refresh_rows`."""
     for k in range(rows.shape[0]):
         show(cameras.states[rows[k]], out.observation[player, rows[k]])
