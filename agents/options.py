@@ -33,21 +33,18 @@ def not_default(args: Any) -> list[str]:
     return [field.name for field in dataclasses.fields(args) if getattr(args, field.name) != field.default]
 
 
-def check_resumed(args: Any, kept: Any, given: Any = None) -> None:
+def check_resumed(given: Any, kept: Any) -> None:
     """Check that a run is resumed with its own arguments: it would not heed others.
 
     Args:
-        args: of the command; what has its default value was not given.
+        given: the run's own arguments, with those of the command line in their places.
         kept: the run's own.
-        given: the run's own arguments with those of the command line in their places, where that is known. With it,
-            what was given is told from defaults.
 
     Raises:
         ValueError: an argument is another than the run's; the message names its option.
     """
-    names = [field.name for field in dataclasses.fields(kept)] if given is not None else not_default(args)
-    now = args if given is None else given
-    others = [n for n in names if n not in ("resume", "steps") and getattr(now, n) != getattr(kept, n)]
+    names = [field.name for field in dataclasses.fields(kept)]
+    others = [n for n in names if n not in ("resume", "steps") and getattr(given, n) != getattr(kept, n)]
     if others:
         options = " ".join(f"--{name.replace('_', '-')}" for name in others)
         raise ValueError(f"--resume goes on with the run's own arguments and --steps alone, got {options}")

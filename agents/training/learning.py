@@ -1,17 +1,17 @@
-"""What every training command needs around Stable-Baselines3's `learn`."""
+"""What the trainer needs around Stable-Baselines3's `learn`: seeds, schedules, a progress bar, and its log."""
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import KVWriter
 from stable_baselines3.common.vec_env import VecEnv
 
 from agents.seeding import sequence, table_seeds
-from agents.training.stopping import Stop, Stopped
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 
 
@@ -38,6 +38,22 @@ def seed_learning(model: BaseAlgorithm, env: VecEnv, purpose: str, seed: int) ->
     seed_tables(env, table_seeds(purpose, seed, env.num_envs, begun))
 
 
+@dataclass(frozen=True)
+class Falling:
+    """A value that falls linearly while a run is trained, such as a learning rate; RL-Zoo's `lin_`."""
+
+    start: float
+    to: float = 0.0
+    """The share of the start that is left in the end."""
+    begins: float = 0.0
+    """The share of the run after which it falls."""
+
+    def __call__(self, remaining: float) -> float:
+        """The value when this share of the run remains; a last rollout may bring that a little below 0."""
+        stays = self.begins >= 1.0 or remaining >= 1.0 - self.begins
+        return self.start * (self.to + (1.0 - self.to) * (1.0 if stays else remaining / (1.0 - self.begins)))
+
+
 class ProgressBar(BaseCallback):
     """Shows the steps of the run; ends at 100 %, though Stable-Baselines3 rounds up to whole rollouts."""
 
@@ -54,35 +70,28 @@ class ProgressBar(BaseCallback):
         return True
 
     def _on_training_end(self) -> None:
-        self.close()
+        self.bar.close()
+
+
+class Records(KVWriter):
+    """Keeps what Stable-Baselines3 logs after every update."""
+
+    def __init__(self, rows: list[dict[str, float]], seconds: Callable[[], float]) -> None:
+        self.rows, self.seconds = rows, seconds
+
+    def write(self, key_values: dict[str, Any], key_excluded: dict[str, Any], step: int = 0) -> None:
+        names = {
+            "rollout/ep_len_mean": "episode_length",
+            "rollout/ep_rew_mean": "episode_reward",
+            "train/entropy_loss": "entropy",
+            "train/approx_kl": "kl",
+            "train/explained_variance": "explained_variance",
+            "time/fps": "fps",
+        }
+        row = {names[key]: float(value) for key, value in key_values.items() if key in names}
+        if "entropy" in row:
+            row["entropy"] = -row["entropy"]
+        self.rows.append({"steps": step, "seconds": self.seconds(), **row})
 
     def close(self) -> None:
-        """Leave the bar as it is: training has ended, or was stopped."""
-        if self.bar is not None:
-            self.bar.close()
-
-
-@contextlib.contextmanager
-def learning(stop: Stop, bar: ProgressBar, save: Callable[[], object], go_on: str) -> Iterator[None]:
-    """Let what is within learn until it ends, fails or is asked to stop; however it ends, `save` comes next.
-
-    Args:
-        go_on: the command that goes on with the run.
-
-    Raises:
-        Stopped, KeyboardInterrupt: the command was asked to end, by more than one Ctrl-C. The run is saved.
-    """
-    try:
-        yield
-    except BaseException as error:
-        asked = isinstance(error, (KeyboardInterrupt, Stopped)) and stop.asked
-        if not asked:
-            save()
-            raise
-    finally:
-        bar.close()
-    save()
-    if stop.asked:
-        print(f"\nStopped; the run is saved. Go on with: {go_on}")
-        stop.take_ctrl_c()
-        stop.check()
+        """Nothing is held open."""

