@@ -1,4 +1,4 @@
-"""Files of a run: none is ever left half written, and the errors of reading one name it."""
+"""The files of a run: atomic writing, and reading with checks whose errors name the file."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from typing import Any, NamedTuple, TypeVar
 from airhockey_env.files import parse_json, replace
 
 MOST_BYTES = 64 * 2**20
-"""The greatest size of a JSON file. A run's records of a hundred thousand updates take a third of it."""
+"""Greatest size of a JSON file. The records of a run with a hundred thousand updates take a third of it."""
 
 
 Args = TypeVar("Args")
 
 
 def replace_together(writes: Mapping[Path, Callable[[Path], object]]) -> None:
-    """Let each function make a file beside its path; when all are made, put them in the places of the paths."""
+    """Let each function write a temporary file beside its path; once all are written, rename them to the paths."""
     parts = {path: path.with_name(f".part-{path.name}") for path in writes}
     try:
         for path, write in writes.items():
             write(parts[path])
             with open(parts[path], "rb+") as file:
-                os.fsync(file.fileno())  # or a machine that loses power could keep the new name of an empty file
+                os.fsync(file.fileno())  # otherwise a power failure could leave an empty file under the new name
         for path, part in parts.items():
             os.replace(part, path)
     finally:
@@ -37,7 +37,7 @@ def replace_together(writes: Mapping[Path, Callable[[Path], object]]) -> None:
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Write data as indented JSON. Paths become texts, and numbers that JSON does not have (NaN, infinity) null."""
+    """Write data as indented JSON. Numbers that JSON does not have (NaN, infinity) become null, and paths text."""
     text = json.dumps(_plain(data), indent=2, allow_nan=False) + "\n"
     replace(path, lambda part: part.write_text(text, encoding="utf-8"))
 
@@ -53,14 +53,14 @@ def _plain(data: Any) -> Any:
 
 
 class Kind(NamedTuple):
-    """What a value of a JSON file has to be."""
+    """A condition on a value in a JSON file, and its description for error messages."""
 
     text: str
     fits: Callable[[Any], bool]
 
 
 def _number(value: Any) -> bool:
-    return type(value) in (int, float) and abs(value) < 1e300  # what is not a number is not less either
+    return type(value) in (int, float) and abs(value) < 1e300  # False for NaN too
 
 
 COUNT = Kind("a whole number from 0 up", lambda value: type(value) is int and 0 <= value < 2**63)
@@ -72,7 +72,7 @@ FILE = Kind("a file's name", lambda value: isinstance(value, str) and Path(value
 
 
 def or_none(kind: Kind) -> Kind:
-    """That or null."""
+    """The same kind, or null."""
     return Kind(f"{kind.text} or null", lambda value: value is None or kind.fits(value))
 
 
@@ -80,12 +80,14 @@ def read_json(path: Path, pattern: Any = None) -> Any:
     """Read a JSON file.
 
     Args:
-        pattern: what it has to hold: a `Kind`; a dict from names to patterns, for an object that has these and maybe
-            others; a list of one pattern, for a list of any length; a tuple, for a list of that length. None: anything.
+        path: the file.
+        pattern: what the file must contain: a `Kind`; a dict from names to patterns, for an object with at least these
+            names; a list of one pattern, for a list of any length; a tuple of patterns, for a list of that length.
+            None accepts anything.
 
     Raises:
         OSError: the file cannot be read.
-        ValueError: the file is not JSON, is too large, or does not hold that; the message names it.
+        ValueError: the file is not JSON, is too large, or does not match the pattern. The message names the file.
     """
     size = path.stat().st_size
     if size > MOST_BYTES:
@@ -100,7 +102,7 @@ def read_json(path: Path, pattern: Any = None) -> Any:
 
 
 def mismatch(data: Any, pattern: Any, where: str = "it") -> str | None:
-    """What does not fit a pattern of `read_json`; None if all does."""
+    """Describe the first value that does not match a pattern of `read_json`; None if everything matches."""
     if isinstance(pattern, Kind):
         return None if pattern.fits(data) else f"{where} must be {pattern.text}, got {_brief(data)}"
     if isinstance(pattern, dict):
@@ -126,16 +128,17 @@ def _brief(value: Any) -> str:
 
 
 def read_arguments(path: Path, arguments: type[Args], beside: Sequence[str] = ()) -> Args:
-    """The arguments record that a run's config.json keeps. Its types are checked, not its ranges.
+    """Read the arguments in the config.json of a run. This checks their types, not their ranges.
 
     Args:
-        arguments: a dataclass whose fields are numbers, texts, paths, tuples of these, or objects of JSON; those that
-            the file lacks have their defaults.
-        beside: names of what else the file may hold.
+        path: the file.
+        arguments: a dataclass whose fields are numbers, texts, paths, tuples of these, or dictionaries. Fields that are
+            missing in the file get their defaults.
+        beside: names that the file may contain in addition.
 
     Raises:
         OSError: the file cannot be read.
-        ValueError: it does not hold such arguments; the message names it.
+        ValueError: the file does not contain such arguments. The message names the file.
     """
     kept = read_json(path, {})
     hints = typing.get_type_hints(arguments)
@@ -146,7 +149,7 @@ def read_arguments(path: Path, arguments: type[Args], beside: Sequence[str] = ()
             continue
         if name not in fields:
             raise ValueError(
-                f"{path}: {name!r} is no option of this version; the version that began the run can resume it"
+                f"{path}: {name!r} is no option of this version; resume the run with the version that began it"
             )
         try:
             values[name] = _typed(value, hints[name])
@@ -156,7 +159,7 @@ def read_arguments(path: Path, arguments: type[Args], beside: Sequence[str] = ()
 
 
 def _typed(value: Any, hint: Any) -> Any:
-    """A value of JSON as a field of this type; a TypeError says what it must be."""
+    """Convert a JSON value to a field of this type; raise a TypeError that says what it must be."""
     if isinstance(hint, types.UnionType) or typing.get_origin(hint) is typing.Union:
         for one in typing.get_args(hint):
             try:

@@ -1,4 +1,4 @@
-"""How the pictures of runs, ladders and score cards look, and how they are written."""
+"""Common style of the figures of runs, ladders and score cards, and how they are saved."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ PALE = "#eceef2"
 
 
 def plain(axis: Any, color: str = PALE) -> None:
-    """A pale grid behind what is drawn, and no frame above and on the right."""
+    """Add a pale grid behind the data, and remove the upper and right frame."""
     axis.grid(color=color)
     axis.set_axisbelow(True)
     axis.spines[["top", "right"]].set_visible(False)
 
 
 def steps_unit(most: float) -> tuple[float, str]:
-    """What to divide numbers of steps by on an axis up to `most`, and the axis's label."""
+    """The unit for an axis of steps up to `most`, as a divisor and a label."""
     for scale, label in ((1e6, "million steps"), (1e3, "thousand steps")):
         if most >= scale:
             return scale, label
@@ -27,12 +27,12 @@ def steps_unit(most: float) -> tuple[float, str]:
 
 
 def time_unit(most: float) -> tuple[float, str]:
-    """What to divide seconds by on an axis up to `most`, and the axis's label."""
+    """The unit for an axis of times up to `most` s, as a divisor and a label."""
     return (60.0, "minutes") if most >= 120.0 else (1.0, "seconds")
 
 
 def from_zero(axis: Any, most: float) -> None:
-    """A horizontal axis from 0 to a little more than `most`: a single point is not blown up to a range of its own."""
+    """Set the x axis from 0 to a little more than `most`, so that a single point does not get a range of its own."""
     axis.set_xlim(0.0, 1.05 * most if most > 0.0 else 1.0)
     axis.ticklabel_format(axis="x", style="plain", useOffset=False)
 
@@ -40,7 +40,7 @@ def from_zero(axis: Any, most: float) -> None:
 def with_interval(
     axis: Any, x: Sequence[float], y: Sequence[float], intervals: Sequence[Sequence[float]], color: str, label: str
 ) -> None:
-    """Draw values over x with their intervals, which show where there is but one value too."""
+    """Draw values over x with their intervals, which are visible for a single value too."""
     axis.plot(x, y, color=color, label=label, marker=".")
     if intervals:
         low, high = zip(*intervals, strict=True)
@@ -49,5 +49,5 @@ def with_interval(
 
 
 def save_figure(figure: Any, path: Path) -> None:
-    """Write a figure as a .png, at once or not at all."""
+    """Write a figure as a .png file, atomically."""
     replace(path, lambda part: figure.savefig(part, dpi=110, format="png"))

@@ -1,4 +1,4 @@
-"""What the figures have in common. Colours are those of Okabe and Ito, which colour-blind people can tell apart."""
+"""Common style of the figures. The colours are those of Okabe and Ito, which colour-blind people can distinguish."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ INK, GREY, PALE = "#22262e", "#8a8f9c", "#e6e8ee"
 
 
 def check_matplotlib(what: str) -> None:
-    """Raises DependencyNotInstalled if `what`, as its message begins, cannot be drawn."""
+    """Raise DependencyNotInstalled if matplotlib is missing; `what` is the beginning of the message."""
     try:
         import matplotlib  # noqa: F401
     except ImportError as error:
@@ -30,19 +30,19 @@ def check_matplotlib(what: str) -> None:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure, inches."""
+    """Create an empty figure; sizes in inches."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")
 
 
 def tidy(axis: Axes) -> None:
-    """A pale grid behind the data, and no box around it."""
+    """Add a pale grid behind the data and remove the box around it."""
     plain(axis, PALE)
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a PNG at once, with a palette: a third of the size."""
+    """Write a PNG atomically, with a colour palette, which makes it a third of the size."""
     from PIL import Image
 
     picture = BytesIO()

@@ -10,11 +10,14 @@ from collections import deque
 from typing import NamedTuple
 
 import numpy as np
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from agents.models import Player, join, seated
+from agents.models import Player, in_one_game, join
 from airhockey_env.game import Game
+from airhockey_env.kernel.scripted import SCRIPTED
 from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
+from airhockey_env.opponents.players import policy_of
 from airhockey_env.tables import TableSpec
 
 CONTROL_HZ = 200.0
@@ -192,43 +195,45 @@ class LiveMatch:
         control_hz: float = CONTROL_HZ,
         seed: int | None = None,
     ) -> None:
-        seat = seated(opponent)
-        self._policy = None if isinstance(seat, str) else seat
+        player = in_one_game(opponent)
+        scripted = isinstance(player, str) and player in SCRIPTED
+        self._policy = None if scripted else policy_of(player)
         self._game = Game(
             1,
             table=table,
-            opponent=seat if isinstance(seat, str) else None,
-            opponent_skill=skill,
+            right=player if scripted else None,
+            right_skill=skill,
             points=points,
             control_hz=control_hz,
+            autoreset_mode=AutoresetMode.DISABLED,
             num_threads=1,
         )
-        join(self._game, seat)
+        join(self._game, player)
         self._skill = np.float32(skill)
-        self._game.seed([int(np.random.SeedSequence(seed).generate_state(1)[0])])
+        self._seed: int | None = int(np.random.SeedSequence(seed).generate_state(1)[0])
         self.spec, self.points = self._game.spec, points
         self._tick = 1.0 / control_hz
         self._hold = max(1, round(control_hz / POLICY_HZ))
-        self._table = self._game.tables[0]
-        radius, physics = self.spec.paddle_radius, self._game.physics[0]
+        self._state = self._game.states[0]
+        radius, params = self.spec.paddle_radius, self._game.parameters[0]
         self.hand = Hand(
             speed=self.spec.paddle_speed,
-            step=float(physics["paddle_step"]),
+            step=float(params["paddle_step"]),
             tick=self._tick,
             near=(radius - 0.5 * self.spec.length, radius - 0.5 * self.spec.width),
             far=(-radius, 0.5 * self.spec.width - radius),
         )
-        self._clock_limit = int(physics["clock_limit"])
         self.restart(0.0)
 
     def restart(self, now: float) -> None:
         """Begin a new match; it is on after a short rest."""
-        self._game.reset()
+        self._game.reset(self._seed)
+        self._seed = None
         self._answer = np.zeros((1, 2), np.float32)
         self._steps = 0
         self._pointer = Pointer()
         self._played = now  # the time on the wall up to which the game has been played
-        self._before = self._state()
+        self._before = self._places()
         self.positions = self._before
         self._shown_score, self._shown_clock = self._now_score(), self._now_clock()
         self._rest(now, START_PAUSE, "start")
@@ -248,7 +253,7 @@ class LiveMatch:
     @property
     def over(self) -> bool:
         """Whether somebody has won."""
-        return bool(self._table["done"])
+        return bool(self._state["done"])
 
     @property
     def target(self) -> tuple[float, float] | None:
@@ -272,7 +277,7 @@ class LiveMatch:
         events: list[Event] = []
         if self.paused and not self.over and now >= self._rest_until:
             self._played = max(self._played, self._rest_until)
-            self._before = self._state()
+            self._before = self._places()
             self.paused, self.notice = False, ""
         self._played = max(self._played, now - MOST_BEHIND)
         while not self.paused and now - self._played >= self._tick:
@@ -280,19 +285,19 @@ class LiveMatch:
             self._step(events)
         if not self.paused:
             share = (now - self._played) / self._tick
-            self.positions = self._before + share * (self._state() - self._before)
+            self.positions = self._before + share * (self._places() - self._before)
             self._shown_score, self._shown_clock = self._now_score(), self._now_clock()
         return events
 
     def _step(self, events: list[Event]) -> None:
-        table, game = self._table, self._game
-        self._before = self._state()
-        velocity, score = table["velocity"].copy(), self._now_score()
+        game = self._game
+        self._before = self._places()
+        velocity, score = self._state["velocity"].copy(), self._now_score()
         if self._policy is not None and self._steps % self._hold == 0:
-            self._answer = game.check_actions(self._policy(game.out.other_observation)) * self._skill
+            self._answer = game.check_actions(RIGHT, self._policy(game.out.observation[RIGHT])) * self._skill
         self._steps += 1
-        game.step(np.array([self._action()], np.float32), self._answer)
-        for contact in game.out.contacts[0, : int(table["n_contacts"])]:
+        game.play(np.array([self._action()], np.float32), self._answer)
+        for contact in game.contacts_of(0):
             kind = "wall" if contact["b"] < 0 else "paddle"
             speed = abs(float(contact["impulse"])) / (self.spec.puck_mass * self.spec.puck_speed)
             events.append(Event(kind, min(speed, 1.0), float(contact["x"])))
@@ -307,14 +312,14 @@ class LiveMatch:
 
     def _action(self) -> tuple[float, float]:
         """What the left paddle does in the tick that ends at `_played`."""
-        place = self._table["position"][LEFT]
+        place = self._state["position"][LEFT]
         if not self._pointer:
             return 0.0, 0.0
         there, velocity = self._pointer.place(self._played), self._pointer.velocity(self._played)
         target = self.hand.reachable(there)
         # A pointer that is out of reach moves the paddle along the edge of its half only.
         vx, vy = (TRUST * v if p == q else 0.0 for v, p, q in zip(velocity, there, target, strict=True))
-        return self.hand.follow(place, self._table["velocity"][LEFT], target, (vx, vy))
+        return self.hand.follow(place, self._state["velocity"][LEFT], target, (vx, vy))
 
     def _stop(self, events: list[Event], seconds: float, notice: str, velocity: NDArray[np.float64]) -> None:
         """Rest on a picture of what ended the rally; the table may have been laid for the serve already."""
@@ -330,12 +335,12 @@ class LiveMatch:
     def _rest(self, since: float, seconds: float, notice: str) -> None:
         self.paused, self.notice, self._rest_until = True, notice, since + seconds
 
-    def _state(self) -> NDArray[np.float64]:
-        return self._table["position"].copy()
+    def _places(self) -> NDArray[np.float64]:
+        return self._state["position"].copy()
 
     def _now_score(self) -> tuple[int, int]:
-        left, right = self._table["score"].tolist()
+        left, right = self._state["score"].tolist()
         return left, right
 
     def _now_clock(self) -> float:
-        return int(self._table["side"]) * int(self._table["clock"]) / self._clock_limit
+        return int(self._state["side"]) * float(self._game.shot_clock[0])

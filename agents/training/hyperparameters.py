@@ -37,7 +37,7 @@ def read_section(path: Path, env_id: str) -> dict[str, Any]:
         ValueError: it has no section for the environment.
     """
     if not path.is_file():
-        raise FileNotFoundError(f"there is no file {path} of hyperparameters")
+        raise FileNotFoundError(f"--hyperparams must name a file that exists, got {path}")
     try:
         if path.stat().st_size > 2**20:
             raise ValueError("it has more than a megabyte")

@@ -14,20 +14,21 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecMonitor
 
-from agents.counts import Count, OptionalCount
 from agents.features import RelativeFeatures
 from agents.files import COUNT, POSITIVE, SHARE, TEXT, or_none
 from agents.measuring.evaluation import OPPONENTS, Result, play_points
 from agents.models import export_policy
-from agents.options import check_ranges, check_table
+from agents.options import Count, OptionalCount, TableName, check_ranges, check_table
 from agents.training.league import League
 from agents.training.learning import Falling
 from agents.training.recipe import History, Phase, Recipe, Setup, TrainArgs
 from agents.training.report import print_results
 from agents.training.stopping import Stop
 from agents.video import frames_of_play
+from airhockey_env.checks import check_choice
+from airhockey_env.game import REWARDS
 from airhockey_env.kernel.tasks import TASKS
-from airhockey_env.opponents.players import Opponent
+from airhockey_env.opponents.players import Player as Opponent
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import PRESETS
 
@@ -67,8 +68,7 @@ class PpoArgs(TrainArgs):
     """End the practice as soon as this share of its last 500 episodes succeeds."""
     reward: str = "shaped"
     """Learn from this reward: "sparse" (points alone) or "shaped"."""
-    table: str = "full_size"
-    """Play on this table preset."""
+    table: TableName = "full_size"
     num_envs: Count = 512
     """Play on this many tables at once."""
     n_steps: Count = 32
@@ -100,8 +100,8 @@ class PpoArgs(TrainArgs):
 def resolve(args: Args) -> Args:
     """Check the options and fill in numbers of steps; see `Recipe.resolve`."""
     check_table(args.table)
-    if args.eval_opponent not in OPPONENTS:
-        raise ValueError(f"--eval-opponent must be one of {OPPONENTS}, got {args.eval_opponent!r}")
+    check_choice("--eval-opponent", args.eval_opponent, OPPONENTS)
+    check_choice("--reward", args.reward, REWARDS)
     if not args.opponent or not set(args.opponent) <= set(OPPONENTS):
         raise ValueError(f"--opponent must be one or more of {OPPONENTS}, got {args.opponent!r}")
     most = math.inf
@@ -222,7 +222,7 @@ class Practice(BaseCallback):
 def play(args: PpoArgs, model: PPO, opponent: str, points: int, purpose: str, stop: Stop) -> Result:
     """Play points with the agent as it is now; arguments as in `play_points`."""
     return play_points(
-        export_policy(model), opponent, points, seed=args.seed, purpose=purpose, table=args.table, watch=stop.watch
+        export_policy(model), opponent, points, seed=args.seed, purpose=purpose, table=args.table, observer=stop.watch
     )
 
 

@@ -12,7 +12,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
-from agents.counts import Count, OptionalCount
+from agents.options import Count, OptionalCount
 from agents.training.league import League
 from agents.training.runs import RunFolder
 from agents.training.stopping import Stop

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 from stable_baselines3 import PPO
 
-from agents.counts import Count
-from agents.options import check_ranges
+from agents.options import Count, check_ranges
 from agents.sb3_files import read_model
 from agents.training import ppo
 from agents.training.league import League

@@ -18,10 +18,10 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecMonitor, VecTransposeImage
 
-from agents.counts import Count
 from agents.files import NUMBER, POSITIVE, SHARE
 from agents.measuring.evaluation import CONTROL_HZ, wilson_interval
 from agents.models import load_player
+from agents.options import Count
 from agents.seeding import table_seeds
 from agents.training.hyperparameters import Hyperparameters, parse_section, read_section
 from agents.training.learning import seed_tables
@@ -30,6 +30,7 @@ from agents.training.report import print_successes
 from agents.training.runs import RunFolder
 from agents.training.stopping import Stop
 from agents.video import frames_of_play
+from airhockey_env.checks import check_choice
 from airhockey_env.game import OBS_TYPES
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 
@@ -73,10 +74,8 @@ def resolve(args: ZooArgs) -> ZooArgs:
     Raises:
         FileNotFoundError: there is no such file.
     """
-    if args.algo not in ALGORITHMS:
-        raise ValueError(f"--algo must be one of {tuple(ALGORITHMS)}, got {args.algo!r}")
-    if args.obs_type not in OBS_TYPES:
-        raise ValueError(f"--obs-type must be one of {OBS_TYPES}, got {args.obs_type!r}")
+    check_choice("--algo", args.algo, ALGORITHMS)
+    check_choice("--obs-type", args.obs_type, OBS_TYPES)
     file = args.hyperparams or HYPERPARAMS / f"{args.algo}{'' if args.obs_type == 'state' else '_pixels'}.yml"
     if args.obs_type != "state" and args.hyperparams is None and not file.is_file():
         raise ValueError(f"--algo must be ppo for pictures, unless --hyperparams names a file; got {args.algo!r}")

@@ -1,4 +1,4 @@
-"""What the options of the game cost, in a batch on one core; and pictures."""
+"""The cost of the game's options, in a batch on one core, and of rendering."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DEFAULT = "default: striker, states, sparse reward"
 
 
 def measure(effort: Effort) -> tuple[list[Row], list[str]]:
-    """Rows, and nothing to be said."""
+    """Rows for all options; there are no notes."""
     n = 256 if effort.quick else SIZE
     ranges = {"wall_restitution": (0.7, 0.9), "puck_mass": (0.03, 0.05)}
     measures = [
@@ -28,8 +28,8 @@ def measure(effort: Effort) -> tuple[list[Row], list[str]]:
         games.batch('obs_type="rgb"', n, obs_type="rgb"),
         games.batch('obs_type="grayscale"', n, obs_type="grayscale"),
         games.batch("seen by the camera ROBOT", n, camera=ROBOT),
-        games.both_sides("both players from outside (Game)", n),
-        games.pictures("render() of one table, pictures/s"),
+        games.both_sides("both players controlled by the caller (Game)", n),
+        games.pictures("render() of one environment, pictures/s"),
         games.single(MADE, gym.make("AirHockey-v0")),
         games.single(CART, gym.make("CartPole-v1")),
     ]
@@ -37,8 +37,9 @@ def measure(effort: Effort) -> tuple[list[Row], list[str]]:
 
 
 def table(rows: list[Row]) -> list[tuple[str, ...]]:
-    """A row each."""
-    cells: list[tuple[str, ...]] = [("what", "tables", "steps/s", "to the default", f"to {CART}")]
+    """One row per option."""
+    head = ("what", "environments", "steps/s", "relative to the default", f"relative to {CART}")
+    cells: list[tuple[str, ...]] = [head]
     cart = next(row["per_second"] for row in rows if row["what"] == CART)
     for row in rows:
         share, speed = ratio(rows, row, DEFAULT), row["per_second"]
@@ -48,5 +49,5 @@ def table(rows: list[Row]) -> list[tuple[str, ...]]:
 
 
 def _times(factor: float) -> str:
-    """Two significant figures below 100; whole numbers from there on."""
+    """Format a factor with two significant digits below 100, and as a whole number from 100 on."""
     return f"{factor:.0f}" if factor >= 99.5 else f"{factor:.2g}"

@@ -1,4 +1,4 @@
-"""One table: where the time of a step goes."""
+"""One environment: where the time of a step is spent."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import gymnasium as gym
 from benchmarks.speed import games
 from benchmarks.speed.measure import Effort, Row, ratio, run
 
-TITLE = "One table"
+TITLE = "One environment"
 MADE, RAW, CODE = "gym.make", "AirHockeyEnv, without wrappers", "its compiled step alone"
 CART, CART_RAW = "CartPole-v1, gym.make", "CartPole-v1, without wrappers"
 
 
 def measure(effort: Effort) -> tuple[list[Row], list[str]]:
-    """Rows, and nothing to be said."""
+    """Rows for the environment and its parts; there are no notes."""
     measures = [
         games.single(MADE, gym.make("AirHockey-v0")),
         games.single(RAW, gym.make("AirHockey-v0").unwrapped),
@@ -25,16 +25,16 @@ def measure(effort: Effort) -> tuple[list[Row], list[str]]:
 
 
 def table(rows: list[Row]) -> list[tuple[str, ...]]:
-    """A row each."""
-    cells: list[tuple[str, ...]] = [("what", "steps/s", "µs a step", f"to {CART}")]
+    """One row per measure, and one per part of a step."""
+    cells: list[tuple[str, ...]] = [("what", "steps/s", "µs a step", f"relative to {CART}")]
     for row in rows:
         speed = row["per_second"]
         cells.append((row["what"], f"{speed:,.0f}", f"{1e6 / speed:.1f}", f"{ratio(rows, row, CART) or 0.0:.2f}"))
     micro = {row["what"]: 1e6 / row["per_second"] for row in rows}
     for name, part in (
-        ("of gym.make: Gymnasium's wrappers", micro[MADE] - micro[RAW]),
-        ("of gym.make: observation, info, checks", micro[RAW] - micro[CODE]),
-        ("of gym.make: the compiled step and the call of it", micro[CODE]),
+        ("within gym.make: Gymnasium's wrappers", micro[MADE] - micro[RAW]),
+        ("within gym.make: observation, info, checks", micro[RAW] - micro[CODE]),
+        ("within gym.make: calling the compiled step", micro[CODE]),
     ):
         cells.append((name, "", f"{part:.1f} ({part / micro[MADE]:.0%})", ""))
     return cells

@@ -1,4 +1,4 @@
-"""Before the first step: memory, import, compiling, and a start from the cache."""
+"""Start-up: memory, import time, compilation, and the start from the cache."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 from airhockey_env.game import Game
-from airhockey_env.kernel.state import TABLE
+from airhockey_env.kernel.state import STATE
 from benchmarks.speed.measure import Effort, Row
 
 TITLE = "Start and memory"
@@ -21,12 +21,12 @@ PLAY = (
 
 
 def measure(effort: Effort) -> tuple[list[Row], list[str]]:
-    """Rows, and nothing to be said. A quick one does not compile."""
-    state = TABLE.itemsize
+    """Rows for memory and times; there are no notes. A quick run does not compile."""
+    state = STATE.itemsize
     memory = state + sum(array.nbytes for array in Game(1).out)
     rows: list[Row] = [
-        {"what": "memory of a table: its state", "value": state, "unit": "B"},
-        {"what": "memory of a table in all", "value": memory, "unit": "B"},
+        {"what": "memory per environment: state", "value": state, "unit": "B"},
+        {"what": "memory per environment: total", "value": memory, "unit": "B"},
     ]
     with tempfile.TemporaryDirectory() as folder:
         environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
@@ -49,5 +49,5 @@ def measure(effort: Effort) -> tuple[list[Row], list[str]]:
 
 
 def table(rows: list[Row]) -> list[tuple[str, ...]]:
-    """A row each."""
+    """One row per value."""
     return [("what", "value"), *((row["what"], f"{row['value']:.4g} {row['unit']}") for row in rows)]

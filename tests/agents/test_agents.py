@@ -7,7 +7,6 @@ import math
 import sys
 from collections import deque
 from importlib import import_module
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +19,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import airhockey_env  # noqa: F401  registers
-from agents.counts import read_count
 from agents.features import relative_features
 from agents.files import read_json, write_json
 from agents.measuring import evaluation
 from agents.measuring.evaluation import Result, TaskResult, play_points, play_task, wilson_interval
 from agents.models import export_policy, load_player
-from agents.options import check_ranges
+from agents.options import check_ranges, read_count
 from agents.plots import from_zero, steps_unit, time_unit, with_interval
 from agents.seeding import table_seeds
 from agents.training import ppo
@@ -34,24 +32,14 @@ from agents.training.curves import print_curves
 from agents.training.learning import Falling, ProgressBar
 from agents.training.ppo import PpoArgs, Practice, make_env, make_model
 from agents.training.report import draw_training, print_results
+from airhockey_env.actions import DIRECTIONS
 from airhockey_env.files import replace
 from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.opponents.policy import MlpPolicy
-from airhockey_env.spaces import DIRECTIONS
 from airhockey_env.tables import FULL_SIZE
+from tests.helpers import some_observations, some_policy
 
 SMALL = PpoArgs(num_envs=4, n_steps=4, batch_size=8, net_width=16)
-
-
-def some_policy(outputs: int = 2, activation: str = "tanh") -> MlpPolicy:
-    random = np.random.default_rng(3)
-    sizes = (13, 8, 8, outputs)
-    weights = [random.normal(0.0, 0.5, (after, before)).astype(np.float32) for before, after in pairwise(sizes)]
-    return MlpPolicy(weights, [random.normal(0.0, 0.1, size).astype(np.float32) for size in sizes[1:]], activation)
-
-
-def some_observations(number: int = 200) -> NDArray[np.float32]:
-    return np.random.default_rng(5).uniform(-1.0, 1.0, (number, 13)).astype(np.float32)
 
 
 class TestWilsonInterval:
@@ -526,13 +514,13 @@ def test_commands_take_counts(
 
 def test_ranges_name_the_option() -> None:
     check_ranges(PpoArgs(), n_steps=(1, math.inf), gamma=(0, 1))
-    with pytest.raises(ValueError, match="--n-steps must be 1 or more, got 0"):
+    with pytest.raises(ValueError, match=r"^--n-steps must be a number from 1 .*, got 0$"):
         check_ranges(PpoArgs(n_steps=0), n_steps=(1, math.inf))
-    with pytest.raises(ValueError, match="--steps must be 1 or more, got 1000"):
+    with pytest.raises(ValueError, match=r"^--steps must be a number from 1 .*, got 1000"):
         check_ranges(PpoArgs(steps=10**400), steps=(1, math.inf))
-    with pytest.raises(ValueError, match="--gamma must be from 0 to 1, got nan"):
+    with pytest.raises(ValueError, match=r"^--gamma must be a number from 0 to 1, got nan$"):
         check_ranges(PpoArgs(gamma=math.nan), gamma=(0, 1))
-    with pytest.raises(ValueError, match="--learning-rate must be 0 or more, got inf"):
+    with pytest.raises(ValueError, match=r"^--learning-rate must be a number from 0 .*, got inf$"):
         check_ranges(PpoArgs(learning_rate=math.inf), learning_rate=(0, math.inf))
 
 

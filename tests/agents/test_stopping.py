@@ -29,7 +29,7 @@ from agents.training.self_play import SelfPlayArgs
 from agents.training.stopping import Stop, Stopped, stopping
 from agents.training.train import own_args, train
 from agents.training.zoo import ALGORITHMS, ZooArgs
-from tests.commands.test_scripts import start
+from tests.helpers import start
 
 TINY: dict[str, Any] = {
     "steps": 32, "num_envs": 4, "n_steps": 4, "batch_size": 8, "net_width": 8, "eval_episodes": 2, "report_episodes": 2,

@@ -17,9 +17,9 @@ import pytest
 from gymnasium.error import DependencyNotInstalled, ResetNeeded
 
 from airhockey_env import AirHockeyEnv
+from airhockey_env.actions import DIRECTIONS
 from airhockey_env.game import OBS_TYPES
 from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
-from airhockey_env.spaces import DIRECTIONS
 from airhockey_env.tables import PRESETS
 from tests.helpers import COPIES, pursue, random_actions, same
 
@@ -232,16 +232,16 @@ def test_left_agent_is_the_player_of_the_single_environment(arguments):
     seen: Counter[str] = Counter()
     for choose in players(3, steps, continuous):
         states = game._game.out
-        actions = choose({"left": states.observation[0], "right": states.other_observation[0]})
+        actions = choose({"left": states.observation[LEFT, 0], "right": states.observation[RIGHT, 0]})
         told.append(np.array([actions["right"]]) if continuous else DIRECTIONS[[actions["right"]]])
-        right_view = states.other_observation[0].copy()
+        right_view = states.observation[RIGHT, 0].copy()
         observations, rewards, terminations, truncations, infos = game.step(actions)
         ours = (observations["left"], rewards["left"], terminations["left"], truncations["left"], infos["left"])
         assert same(ours, single.step(actions["left"]))
         assert same(right_seen[-1], right_view)
         assert same(game.get_state(), single.get_state())
         assert (game.positions == single.positions).all() and (game.velocities == single.velocities).all()
-        assert same(game.state(), states.observation[0])
+        assert same(game.state(), states.observation[LEFT, 0])
         assert same(game.contacts, single.contacts)
         seen["contacts"] += len(game.contacts)
         seen["goals"] += abs(round(rewards["left"])) == 1
@@ -279,7 +279,7 @@ def turned(state):
     for field in ("position", "velocity"):
         other[field] = 0.0 - state[field][:, [RIGHT, LEFT, PUCK]]
     other["side"] = -state["side"]
-    for field in ("score", "player", "skill", "wander", "potential"):
+    for field in ("score", "skill", "wander"):
         other[field] = state[field][:, ::-1]
     return other
 
