@@ -24,8 +24,9 @@ from agents.models import load_player
 from agents.sb3_files import read_model
 from agents.training.checkpoints import HISTORY
 from agents.training.curves import read_runs
+from agents.training.league import League
 from agents.training.ppo import PpoArgs
-from agents.training.self_play import SelfPlayArgs, make_league
+from agents.training.self_play import SelfPlayArgs
 from agents.training.train import own_args
 from agents.training.zoo import ZooArgs, resolve
 from airhockey_env.opponents.policy import MlpPolicy
@@ -51,7 +52,7 @@ def outcome(read: Read, path: Path) -> bool:
 
 
 def league_of(path: Path) -> None:
-    make_league(SelfPlayArgs(opponent=("striker",))).load(path.parent)
+    League(SelfPlayArgs(opponent=("striker",))).load(path.parent)
 
 
 def config_of(path: Path) -> None:

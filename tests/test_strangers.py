@@ -22,7 +22,7 @@ from stable_baselines3.common.vec_env import VecFrameStack
 from agents.features import RelativeFeatures, SmallCnn
 from agents.models import ModelPlayer, load_player
 from agents.sb3_files import NeedsTrust, actor_of, load_weights, read_model
-from agents.training.literals import read_kwargs
+from agents.training.hyperparameters import read_kwargs
 from agents.training.zoo import ZooArgs, parsed, resolve
 from airhockey_env.actions import DIRECTIONS
 from airhockey_env.opponents.policy import MlpPolicy

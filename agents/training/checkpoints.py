@@ -1,4 +1,4 @@
-"""Checkpoints: what a run has learned, on disk. None is ever left half written."""
+"""Checkpoints: the model, its replay buffer and league, and the records of a run, written atomically."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from airhockey_env.files import read_arrays
 from airhockey_env.kernel.state import OBSERVATION_SIZE
 
 TIMES = {"steps": COUNT, "seconds": NUMBER}
-"""The steps and the seconds of training until an evaluation or an update."""
+"""The steps and seconds of training before an evaluation or an update, as a pattern of `read_json`."""
 
 HISTORY = {"practice": or_none(COUNT), "evaluations": [TIMES], "updates": [TIMES], "report": [{}]}
-"""What the records of a run have, for `read_json`: the steps after which shooting practice was over, and rows."""
+"""The records of a run, as a pattern of `read_json`. `practice` is the number of steps at the end of shooting practice."""
 
 BUFFER_ARRAYS = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
 def save(folder: RunFolder, setup: Setup, history: History) -> None:
-    """Write the model, its policy (if it sees states), its replay buffer and league if it has them, and the records.
+    """Write the model, its policy if it sees states, its replay buffer and league if it has them, and the records.
 
-    They are written beside the old ones, which they replace when all of them are complete.
+    The new files replace the old ones when all of them are complete.
 
     Raises:
-        OSError: they cannot be written; the message says that the old ones are whole.
+        OSError: the files cannot be written. The old ones are intact.
     """
     model = setup.model
     writes: dict[Path, Callable[[Path], object]] = {folder.model: lambda part: _save_zip(model, part)}
@@ -47,14 +47,14 @@ def save(folder: RunFolder, setup: Setup, history: History) -> None:
             setup.league.save(folder.path)
         replace_together(writes)
     except OSError as error:
-        raise OSError(f"{folder.path} could not be saved, its last checkpoint is whole: {error}") from error
+        raise OSError(f"{folder.path} could not be saved, its last checkpoint is intact: {error}") from error
 
 
 def load(folder: RunFolder, setup: Setup, evaluation: dict[str, Any]) -> History:
-    """Load what `save` wrote into a freshly built model, and its league; returns the records.
+    """Load what `save` wrote into a newly built model and its league, and return the records.
 
     Args:
-        evaluation: what a row of an evaluation must have, for `read_json`.
+        evaluation: a row of an evaluation, as a pattern of `read_json`.
 
     Raises:
         OSError, ValueError: a file is missing or damaged.
@@ -69,27 +69,27 @@ def load(folder: RunFolder, setup: Setup, evaluation: dict[str, Any]) -> History
 
 
 def _save_zip(model: BaseAlgorithm, path: Path) -> None:
-    with open(path, "wb") as file:  # a path would get a suffix of its own
+    with open(path, "wb") as file:  # Stable-Baselines3 would append a suffix to a path
         model.save(file)
 
 
 def save_buffer(buffer: Any, path: Path) -> None:
-    """Write a `ReplayBuffer` as plain arrays: of (steps, tables, ...), those that hold something."""
+    """Write the filled part of a `ReplayBuffer` as plain arrays (steps, tables, ...)."""
     arrays = {name: getattr(buffer, name)[: buffer.size()] for name in BUFFER_ARRAYS if hasattr(buffer, name)}
     with open(path, "wb") as file:
         np.savez(file, position=buffer.pos, full=buffer.full, **arrays)
 
 
 def load_buffer(buffer: Any, path: Path) -> None:
-    """Fill a `ReplayBuffer` with what `save_buffer` wrote.
+    """Fill a `ReplayBuffer` from a file of `save_buffer`.
 
     Raises:
         OSError: the file cannot be opened.
-        ValueError: it is damaged, or of a buffer of another shape.
+        ValueError: the file is damaged, or belongs to a buffer of another shape.
     """
     names = [name for name in BUFFER_ARRAYS if hasattr(buffer, name)]
     try:
-        most = sum(getattr(buffer, name).nbytes for name in names) + 2**14  # and their headers
+        most = sum(getattr(buffer, name).nbytes for name in names) + 2**14  # 2**14 for the headers
         kept = read_arrays(path, "a training run", ("position", "full", *names), most)
         position, full = int(kept["position"]), bool(kept["full"])
         size = buffer.buffer_size if full else position

@@ -18,11 +18,11 @@ COLORS = ("#2f6fdd", "#e5395b", "#1f9d72", "#b0721f", "#7a4fd0", "#3a4152")
 
 
 def read_runs(names: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """The records of runs by their folders' names.
+    """Read the seeds and records of runs, by the names of their folders.
 
     Raises:
         FileNotFoundError: there is no such run.
-        ValueError: its files are damaged.
+        ValueError: its files are damaged, or it is not a run of train_ppo or train_self_play.
     """
     runs = {}
     for name in names:
@@ -36,7 +36,7 @@ def read_runs(names: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 
 def print_curves(runs: dict[str, dict[str, Any]]) -> None:
-    """Print how every run did at each evaluation."""
+    """Print the evaluations of all runs."""
     scale, label = steps_unit(max(row["steps"] for run in runs.values() for row in run["evaluations"]))
     rows = [("run", "seed", label, "minutes", "against", "wins", "losses", "draws", "of decided")]
     for name, run in runs.items():
@@ -57,7 +57,7 @@ def print_curves(runs: dict[str, dict[str, Any]]) -> None:
 
 
 def draw_curves(runs: dict[str, dict[str, Any]], path: Path) -> None:
-    """Draw the share of decided points won, with its 95 % interval, and that of draws: by steps and by minutes."""
+    """Draw the shares of decided points won, with 95 % intervals, and of draws, over steps and over time."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import PercentFormatter
 

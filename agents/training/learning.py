@@ -1,4 +1,4 @@
-"""What the trainer needs around Stable-Baselines3's `learn`: seeds, schedules, a progress bar, and its log."""
+"""Seeds, schedules, a progress bar and a log for Stable-Baselines3's `learn`."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 
 
 def seed_tables(env: VecEnv, seeds: list[int]) -> None:
-    """Seed the next reset of wrapped tables, each with its own seed."""
+    """Seed the next reset of wrapped tables, with one seed per table."""
     tables = env.unwrapped
     assert isinstance(tables, AirHockeySB3VecEnv)
     tables.seed(seeds)
 
 
 def seed_learning(model: BaseAlgorithm, env: VecEnv, purpose: str, seed: int) -> None:
-    """Let a model learn on these tables next, with streams that no other run and no earlier session of this one has.
+    """Prepare a model to learn on these tables, with random streams of their own for every run and session.
 
-    Stable-Baselines3 seeds exploration and tables from the model's seed whenever a model is made or loaded, so this
-    comes after that and right before `learn`.
+    Stable-Baselines3 seeds exploration and tables from the model's seed whenever a model is made or loaded, so this has
+    to follow that, directly before `learn`.
 
     Args:
         purpose: "practice" or "training".
-        seed: the run's.
+        seed: the seed of the run.
     """
     begun = model.num_timesteps
     model.set_random_seed(int(sequence("actions", seed, begun).generate_state(1)[0]))
@@ -40,22 +40,22 @@ def seed_learning(model: BaseAlgorithm, env: VecEnv, purpose: str, seed: int) ->
 
 @dataclass(frozen=True)
 class Falling:
-    """A value that falls linearly while a run is trained, such as a learning rate; RL-Zoo's `lin_`."""
+    """A schedule that falls linearly during a run; with the defaults, that is RL-Zoo's `lin_`."""
 
     start: float
     to: float = 0.0
-    """The share of the start that is left in the end."""
+    """The final value, as a share of the start."""
     begins: float = 0.0
-    """The share of the run after which it falls."""
+    """The share of the run after which the value falls."""
 
     def __call__(self, remaining: float) -> float:
-        """The value when this share of the run remains; a last rollout may bring that a little below 0."""
+        """The value when this share of the run remains. In the last rollout, that can be slightly negative."""
         stays = self.begins >= 1.0 or remaining >= 1.0 - self.begins
         return self.start * (self.to + (1.0 - self.to) * (1.0 if stays else remaining / (1.0 - self.begins)))
 
 
 class ProgressBar(BaseCallback):
-    """Shows the steps of the run; ends at 100 %, though Stable-Baselines3 rounds up to whole rollouts."""
+    """Shows the steps of the run. It ends at 100 %, although Stable-Baselines3 rounds up to whole rollouts."""
 
     bar: Any = None
 
@@ -74,7 +74,7 @@ class ProgressBar(BaseCallback):
 
 
 class Records(KVWriter):
-    """Keeps what Stable-Baselines3 logs after every update."""
+    """Appends a row to the records of a run when Stable-Baselines3 writes its log."""
 
     def __init__(self, rows: list[dict[str, float]], seconds: Callable[[], float]) -> None:
         self.rows, self.seconds = rows, seconds
@@ -94,4 +94,4 @@ class Records(KVWriter):
         self.rows.append({"steps": step, "seconds": self.seconds(), **row})
 
     def close(self) -> None:
-        """Nothing is held open."""
+        """Do nothing, because no file is open."""

@@ -1,4 +1,4 @@
-"""The recipe of the baseline: PPO with shooting practice first, then points against named opponents."""
+"""The recipe for the baseline: PPO learns by shooting practice first, then by points against named opponents."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ Args = TypeVar("Args", bound="PpoArgs")
 STEPS = 20_000_000
 
 ENOUGH_STEPS = 3_000_000
-"""A shorter run says before it begins that little will come of it."""
+"""A run with fewer steps warns that it will probably not learn much."""
 
 MOST_PRACTICE = 4_000_000
 """The most steps of shooting practice by default."""
@@ -49,21 +49,21 @@ EVALUATION = {
     **dict.fromkeys(("win_rate", "decided_win_rate"), or_none(SHARE)),
     **dict.fromkeys(("win_rate_95", "decided_win_rate_95"), (SHARE, SHARE)),
 }
-"""What a row of an evaluation has, for `read_json`."""
+"""A row of an evaluation, as a pattern of `read_json`."""
 
 
 @dataclass(frozen=True)
 class PpoArgs(TrainArgs):
-    """Train an agent with PPO. Everything goes into one folder, runs/NAME/."""
+    """Train an agent with PPO, and write everything into one folder, runs/NAME/."""
 
     opponent: tuple[str, ...] = ("striker",)
-    """Train against these named opponents, each on an equal share of the tables. Name one twice to meet it twice as
+    """Train against these named opponents, each on the same number of tables. Give a name twice to play it twice as
     often."""
     eval_opponent: str = "striker"
     """Evaluate against this named opponent."""
     warmup_steps: OptionalCount = None
-    """Begin with at most this many steps of shooting practice (the task "hit"). Without practice, agents learn to
-    defend and to wait, not to shoot. The default is half of --steps, but no more than 4 million."""
+    """Begin with at most this many steps of shooting practice (the task "hit"). Without it, agents learn to defend and to
+    wait, but not to shoot. The default is half of --steps, but at most 4 million."""
     warmup_success: float = 0.8
     """End the practice as soon as this share of its last 500 episodes succeeds."""
     reward: str = "shaped"
@@ -84,12 +84,12 @@ class PpoArgs(TrainArgs):
     gae_lambda: float = 0.95
     """Use this lambda in generalised advantage estimation."""
     clip_range: float = 0.2
-    """Use this clip range in PPO's surrogate objective."""
+    """Clip the probability ratio in PPO's objective to this distance from 1."""
     ent_coef: float = 0.0
     """Weight the entropy bonus with this factor."""
     sde_sample_freq: Count = 8
-    """Keep each random disturbance of the actions for this many steps (gSDE). With 0, disturbances are independent in
-    every step; those mostly cancel each other before they move a paddle anywhere."""
+    """Keep each random disturbance of the actions for this many steps (gSDE). With 0, the disturbances of each step are
+    independent, and mostly cancel each other before they have moved a paddle."""
     log_std_init: float = -2.5
     """Start with disturbances whose standard deviation has this logarithm. With gSDE the network makes them about ten
     times as large."""
@@ -98,7 +98,7 @@ class PpoArgs(TrainArgs):
 
 
 def resolve(args: Args) -> Args:
-    """Check the options and fill in numbers of steps; see `Recipe.resolve`."""
+    """Check the options and fill in the numbers of steps. See `Recipe.resolve`."""
     check_table(args.table)
     check_choice("--eval-opponent", args.eval_opponent, OPPONENTS)
     check_choice("--reward", args.reward, REWARDS)
@@ -121,7 +121,7 @@ def build(args: PpoArgs, new: bool) -> Setup:
 
 
 def setup(args: PpoArgs, model: PPO, league: League | None = None, practise: bool = True) -> Setup:
-    """What the trainer does with a model that plays points, in a league or against the named opponents."""
+    """Set up the training of a model that plays points, in a league or against the named opponents."""
     return Setup(
         model,
         title=f"PPO, points against {args.eval_opponent}",
@@ -136,7 +136,7 @@ def setup(args: PpoArgs, model: PPO, league: League | None = None, practise: boo
 
 
 def make_env(args: PpoArgs, task: str = "point", opponents: Sequence[Opponent] | None = None) -> VecMonitor:
-    """The tables to train on; the pool of opponents is that of the options if none is given."""
+    """Make the tables to train on. The default opponents are those of the options."""
     return VecMonitor(
         AirHockeySB3VecEnv(
             args.num_envs,
@@ -150,7 +150,7 @@ def make_env(args: PpoArgs, task: str = "point", opponents: Sequence[Opponent] |
 
 
 def make_model(args: PpoArgs, env: VecMonitor) -> PPO:
-    """An untrained agent."""
+    """Make an untrained agent."""
     return PPO(
         "MlpPolicy",
         env,
@@ -179,31 +179,31 @@ def make_model(args: PpoArgs, env: VecMonitor) -> PPO:
 
 
 def phases(args: PpoArgs, model: PPO, league: League | None, practise: bool, history: History) -> Iterator[Phase]:
-    """Shooting practice, unless it is over or there is to be none; then points."""
+    """Shooting practice, unless it is over or not wanted; then points."""
     assert args.steps is not None and args.warmup_steps is not None
     whom = "against " + " and ".join(args.opponent) + ("" if league is None else " and its past selves")
     if practise and model.num_timesteps < args.steps < ENOUGH_STEPS:
         print(
-            f"{args.steps:,} steps are few: with 2 million, an agent wins about half of the decided points against the "
+            f"{args.steps:,} steps are few. With 2 million, an agent wins about half of the decided points against the "
             "striker, and with 1 million a fifth or less (docs/training.md)."
         )
     if practise and history["practice"] is None and args.warmup_steps > 0:
         practice = Practice(args.warmup_steps, args.warmup_success)
-        # Practice needs the whole learning rate: with few steps in all it would otherwise have fallen before practice
-        # has taught to shoot, and practice would take most of the steps.
+        # Practice needs the full learning rate. In a short run it would otherwise have fallen before the agent has
+        # learned to shoot, and practice would take most of the steps.
         model.lr_schedule = Falling(args.learning_rate, to=0.02, begins=1.0)
         until = f"until {args.warmup_success:.0%} of it succeeds, or for {args.warmup_steps:,} steps"
         yield Phase(f"Shooting practice {until}.", "practice", make_env(args, "hit", ["idle"]), [practice])
         history["practice"] = model.num_timesteps if practice.over else None
         if model.num_timesteps >= args.steps:
-            print(f"All of it was shooting practice: with more --steps the agent would have played {whom}.")
+            print(f"All of it was shooting practice. With more --steps, the agent would have played {whom}.")
     model.lr_schedule = Falling(args.learning_rate, to=0.02, begins=(history["practice"] or 0) / args.steps)
     opponents, drawn = (None, []) if league is None else (league.pool, [league])
     yield Phase(f"Points {whom}.", "training", make_env(args, "point", opponents), drawn)
 
 
 class Practice(BaseCallback):
-    """Ends shooting practice: after so many steps, or when so many of its last episodes succeed."""
+    """Ends shooting practice after a number of steps, or when a share of its last episodes has succeeded."""
 
     def __init__(self, steps: int, success: float) -> None:
         super().__init__()
@@ -220,7 +220,7 @@ class Practice(BaseCallback):
 
 
 def play(args: PpoArgs, model: PPO, opponent: str, points: int, purpose: str, stop: Stop) -> Result:
-    """Play points with the agent as it is now; arguments as in `play_points`."""
+    """Play points with the agent as it is now. See `play_points` for the arguments."""
     return play_points(
         export_policy(model), opponent, points, seed=args.seed, purpose=purpose, table=args.table, observer=stop.watch
     )
@@ -233,7 +233,7 @@ def evaluate(args: PpoArgs, model: PPO, stop: Stop) -> dict[str, Any]:
 
 
 def report(args: PpoArgs, model: PPO, history: History, stop: Stop) -> list[dict[str, Any]]:
-    """Play against every named opponent; see `Setup.report`."""
+    """Play against every named opponent. See `Setup.report`."""
     results = [play(args, model, name, args.report_episodes, "report", stop) for name in OPPONENTS]
     print_results(results)
     return [result.as_dict() for result in results]

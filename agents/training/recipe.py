@@ -1,10 +1,10 @@
-"""What a recipe tells the trainer: its options, its model, whom or what it learns from, and how it is evaluated."""
+"""The interface between the trainer and its recipes: options, model, phases of training and evaluation."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,42 +13,43 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
 from agents.options import Count, OptionalCount
-from agents.training.league import League
 from agents.training.runs import RunFolder
 from agents.training.stopping import Stop
 
+if TYPE_CHECKING:
+    from agents.training.league import League
+
 History = dict[str, Any]
-"""The records of a run, as evaluations.json has them (see `checkpoints.HISTORY`)."""
+"""The records of a run in evaluations.json, see `checkpoints.HISTORY`."""
 
 
 @dataclass(frozen=True)
 class TrainArgs:
-    """The options that all training commands have."""
+    """The options of all training commands."""
 
     name: str | None = None
-    """Write the run into the folder runs/NAME/. The default name is that of the algorithm and the time."""
+    """Write the run into runs/NAME/. The default name consists of the algorithm and the time."""
     resume: str | None = None
-    """Continue this run (its folder, or its name under runs/) with its own options, up to --steps in all."""
+    """Continue this run (its folder, or its name under runs/) with its own options. Only --steps can be changed."""
     steps: OptionalCount = None
-    """Train for this many environment steps in all, given as 20_000_000, 20M or 2e7. With --resume, the default is what
-    the run was to have. Else it is 20 million for PPO, 30 million for self-play, or what the hyperparameters say."""
+    """Train for this many environment steps in all, such as 20_000_000, 20M or 2e7. The default is 20 million for the
+    baseline, 30 million for self-play, the hyperparameters' n_timesteps, or with --resume the number of the run."""
     seed: int = 0
     """Seed the network, the exploration and the tables. Runs with different seeds share no random numbers."""
     eval_every: OptionalCount = None
-    """Evaluate the agent and save a checkpoint each time so many steps have passed. The default is a tenth of
-    --steps."""
+    """Evaluate the agent and save a checkpoint every this many steps. The default is a tenth of --steps."""
     eval_episodes: Count = 400
-    """Play this many episodes in an evaluation; a point is an episode."""
+    """Play this many episodes in an evaluation. A point is an episode."""
     report_episodes: Count = 2000
-    """Play this many episodes for the report at the end, against each named opponent if the agent has opponents."""
+    """Play this many episodes for the report at the end; where there are opponents, against each named one."""
     video_seconds: float = 20.0
-    """Record a video of the trained agent that is this many seconds long. 0 records none."""
+    """Record a video of this many seconds of the trained agent. With 0, there is no video."""
     threads: int = 1
-    """Let PyTorch use this many threads. The networks are small: a second thread gains nothing."""
+    """Let PyTorch use this many threads. The networks are small, so a second thread does not help."""
 
 
 class Phase(NamedTuple):
-    """A part of training, on tables of its own."""
+    """A part of training with its own tables."""
 
     title: str  # a sentence, printed when the phase begins
     purpose: str  # of the tables' random streams: one of `agents.seeding.PURPOSES`
@@ -57,22 +58,22 @@ class Phase(NamedTuple):
 
 
 class Setup(NamedTuple):
-    """A model, and what the trainer does with it."""
+    """A model and the functions that train, evaluate and show it."""
 
     model: BaseAlgorithm
-    title: str  # what is learned, for the picture
-    phases: Callable[[History], Iterator[Phase]]  # what follows a `yield` runs when that phase is over
-    evaluate: Callable[[Stop], dict[str, Any]]  # plays, and returns a row for the records
-    report: Callable[[History, Stop], list[dict[str, Any]]]  # plays, prints the results, and returns them as rows
+    title: str  # the title of the picture
+    phases: Callable[[History], Iterator[Phase]]  # code after a `yield` runs when that phase is over
+    evaluate: Callable[[Stop], dict[str, Any]]  # plays and returns a row for the records
+    report: Callable[[History, Stop], list[dict[str, Any]]]  # plays, prints the results and returns them as rows
     frames: Callable[[RunFolder], Iterator[NDArray[np.uint8]]]  # pictures (height, width, 3) for the video
-    league: League | None = None  # saved and loaded with the model
+    league: League | None = None  # is saved and loaded with the model
 
 
 class Recipe(NamedTuple):
-    """How a command trains."""
+    """The functions behind a training command."""
 
-    command: str  # its name under scripts/, which a run's config.json keeps
+    command: str  # the command's name under scripts/, which config.json keeps
     args: type[TrainArgs]
-    resolve: Callable[[Any], Any]  # checks the options, and puts numbers in place of None: `steps` among them
-    build: Callable[[Any, bool], Setup]  # from resolved options, and whether the run is new
-    evaluation: dict[str, Any]  # what a row of `Setup.evaluate` has at least, as a pattern of `read_json`
+    resolve: Callable[[Any], Any]  # checks the options and replaces None by numbers, `steps` among them
+    build: Callable[[Any, bool], Setup]  # takes resolved options, and whether the run is new
+    evaluation: dict[str, Any]  # a row of `Setup.evaluate`, as a pattern of `read_json`

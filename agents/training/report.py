@@ -1,4 +1,4 @@
-"""What a run or an evaluation came to: a table in the terminal and a picture."""
+"""The results of a run or an evaluation: tables in the terminal and a picture."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def print_successes(title: str, agents: Mapping[str, Mapping[str, Any]]) -> None
     """Print success rates with their 95 % Wilson intervals.
 
     Args:
-        agents: rows of evaluations by the names of the agents.
+        agents: rows of evaluations, by the names of the agents.
     """
     rows = [("", "episodes", "success rate (95 %)", "s/episode")]
     for name, row in agents.items():
@@ -62,7 +62,9 @@ def draw_training(history: dict[str, Any], title: str, path: Path) -> None:
     """Draw evaluations with their intervals, length of episodes, entropy, and speed, all over steps.
 
     Args:
-        history: the records of a run of any recipe.
+        history: the records of a run, as in `checkpoints.HISTORY`.
+        title: the title of the picture.
+        path: the .png file.
     """
     from matplotlib.figure import Figure
 
@@ -96,7 +98,7 @@ def draw_training(history: dict[str, Any], title: str, path: Path) -> None:
 
 
 def _draw_evaluations(axis: Any, rows: Sequence[Mapping[str, Any]], scale: float) -> None:
-    """The shares of points won, or of episodes that succeeded, and of points that nobody won."""
+    """Draw the shares of points won and drawn, or of successful episodes."""
     steps = [row["steps"] / scale for row in rows]
     for key, label, color in (
         ("decided_win_rate", "won of decided points", RED),
@@ -113,7 +115,7 @@ def _draw_evaluations(axis: Any, rows: Sequence[Mapping[str, Any]], scale: float
 
 
 def _draw_updates(axis: Any, steps: Sequence[float], values: Sequence[float], from_nothing: bool) -> None:
-    """One value for every update. `from_nothing`: the vertical axis begins at 0."""
+    """Draw one value per update. With `from_nothing`, the vertical axis begins at 0."""
     axis.plot(steps, values, color=BLUE, marker="." if len(values) < 20 else "")
     axis.ticklabel_format(axis="y", useOffset=False)
     finite = [value for value in values if math.isfinite(value)]
@@ -127,13 +129,13 @@ def _draw_updates(axis: Any, steps: Sequence[float], values: Sequence[float], fr
 
 
 def _value(row: Mapping[str, Any], key: str) -> float:
-    """A value of the records; JSON keeps null for what is not a number."""
+    """A value of a row of records, NaN if it is missing or null."""
     value = row.get(key)
     return math.nan if value is None else value
 
 
 def _speed(updates: Sequence[dict[str, float]], window: int = 20) -> list[float]:
-    """Thousand steps per second over the last updates."""
+    """Thousands of steps per second, over a window of updates."""
     speeds = []
     for k, row in enumerate(updates):
         before = updates[max(0, k - window)]

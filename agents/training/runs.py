@@ -1,4 +1,4 @@
-"""A run's folder, runs/NAME/: its files, its name and its lock."""
+"""The folder of a run, runs/NAME/: its files, its name and its lock."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from typing import IO
 NAME = re.compile(r"\w[\w.+=@-]*")
 
 MOST_NAME_BYTES = 200
-"""Most file systems take 255, of UTF-8."""
+"""Most file systems allow 255 bytes in UTF-8."""
 
 DEVICES = {"CON", "PRN", "AUX", "NUL", *(f"{port}{number}" for port in ("COM", "LPT") for number in range(10))}
-"""What Windows takes for devices, with any suffix."""
+"""Names of devices on Windows, whatever their suffix."""
 
 
 class RunFolder:
@@ -38,18 +38,18 @@ class RunFolder:
 
     @classmethod
     def create(cls, name: str | None, algorithm: str = "ppo") -> RunFolder:
-        """A new folder; without a name, that of the algorithm and the time.
+        """Make a new folder. Without a name, it is named after the algorithm and the time.
 
         Raises:
-            FileExistsError: there is a run of that name.
-            ValueError: the name is none that a folder can have.
+            FileExistsError: the folder contains a run already.
+            ValueError: a folder cannot have this name.
         """
         if name is not None:
             path = Path("runs") / check_name(name)
             path.mkdir(parents=True, exist_ok=True)
         else:
             stem = f"{algorithm}-{datetime.datetime.now():%Y%m%d-%H%M%S}"
-            for number in itertools.count(1):  # runs may begin in the same second
+            for number in itertools.count(1):  # several runs may begin in the same second
                 path = Path("runs") / (stem if number == 1 else f"{stem}-{number}")
                 with contextlib.suppress(FileExistsError):
                     path.mkdir(parents=True)
@@ -59,7 +59,7 @@ class RunFolder:
         return folder
 
     def files(self) -> str:
-        """The folder and what a user finds in it, for a command's last line."""
+        """The folder and its files, for the last line that a command prints."""
         named = [self.model, self.policy, self.evaluations, self.picture, self.video]
         there = [path.name for path in named if path.exists()]
         return f"{self.path}: {', '.join(there)} and TensorBoard logs"
@@ -67,38 +67,38 @@ class RunFolder:
     def _check_new(self) -> None:
         if self.config.exists():
             raise FileExistsError(
-                f"{self.path} holds a run already: choose another --name, or go on with --resume {self.path}"
+                f"{self.path} contains a run already: choose another --name, or continue it by --resume {self.path}"
             )
 
     @classmethod
     def open(cls, name: str, option: str = "RUN") -> RunFolder:
-        """The folder of a run that exists, by its path or its name under runs/.
+        """Find the folder of an existing run, by its path or its name under runs/.
 
         Args:
-            option: what the error about one that is none calls the argument.
+            option: the name of the argument in the error.
 
         Raises:
             FileNotFoundError: there is no such run.
         """
         for path in (Path(name), Path("runs") / name) if name else ():
-            with contextlib.suppress(OSError, ValueError):  # of names that no file can have
+            with contextlib.suppress(OSError, ValueError):  # raised for names that no file can have
                 if (path / "config.json").is_file() and (path / "model.zip").is_file():
                     return cls(path)
         raise FileNotFoundError(f"{option} must be a run's folder, with config.json and model.zip, got {name!r}")
 
     @contextlib.contextmanager
     def locked(self, new: bool = False) -> Iterator[None]:
-        """Keep other processes from training in this folder. The lock ends with the process, however that ends.
+        """Prevent other processes from training in this folder. The lock ends with the process, however that ends.
 
-        On NFS it holds between machines where the server locks files (NFSv4 does); where nothing can be locked, there
-        is a warning and no lock.
+        On NFS, the lock works between machines if the server supports locks, as NFSv4 does. Where files cannot be
+        locked, there is a warning and no lock.
 
         Args:
-            new: the folder must not hold a run yet.
+            new: whether the folder must not contain a run yet.
 
         Raises:
-            BlockingIOError: another process trains in it.
-            FileExistsError: it holds a run.
+            BlockingIOError: another process is training in the folder.
+            FileExistsError: the folder is to be new and contains a run.
         """
         with open(self.path / ".lock", "a+") as file:
             try:
@@ -118,22 +118,22 @@ class RunFolder:
 
 
 def check_name(name: str) -> str:
-    """A name for a run's folder, if it can be one on every system.
+    """Return the name if a folder can have it on every operating system.
 
     Raises:
-        ValueError: it cannot; the message names `--name`.
+        ValueError: it cannot. The message names `--name`.
     """
     device = name.split(".")[0].upper() in DEVICES
     if not NAME.fullmatch(name) or name.endswith(".") or device or len(os.fsencode(name)) > MOST_NAME_BYTES:
         raise ValueError(
-            "--name must be a folder's name: letters, digits and _ at first, then also . - + = @; up to "
-            f"{MOST_NAME_BYTES} bytes, and no device of Windows; got {name!r}"
+            "--name must be a folder's name: a letter, a digit or _, then these or . - + = @, at most "
+            f"{MOST_NAME_BYTES} bytes, and not a device of Windows; got {name!r}"
         )
     return name
 
 
 def lock(file: IO[str]) -> None:
-    """Lock an open file, for as long as it is open, or fail at once.
+    """Lock an open file until it is closed, without waiting.
 
     Raises:
         BlockingIOError, PermissionError: another process has locked it.
@@ -142,7 +142,7 @@ def lock(file: IO[str]) -> None:
     if sys.platform == "win32":
         import msvcrt
 
-        file.seek(2**30)  # a byte far behind the text, which others may read
+        file.seek(2**30)  # a byte far behind the text, so that others can read that
         msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
     else:
         import fcntl

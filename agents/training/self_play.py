@@ -1,4 +1,4 @@
-"""The recipe of self-play: PPO in a league of its own past selves and named opponents."""
+"""The recipe for self-play: PPO learns in a league with its past selves and named opponents."""
 
 from __future__ import annotations
 
@@ -20,32 +20,31 @@ STEPS = 30_000_000
 
 @dataclass(frozen=True)
 class SelfPlayArgs(ppo.PpoArgs):
-    """Train an agent with PPO by self-play. Everything goes into one folder, runs/NAME/."""
+    """Train an agent with PPO by self-play, and write everything into one folder, runs/NAME/."""
 
     start: str | None = None
-    """Begin with the network of this run (its folder, or its name under runs/) in place of shooting practice."""
+    """Begin with the network of this run (its folder, or its name under runs/) instead of shooting practice."""
     opponent: tuple[str, ...] = ("striker", "goalie", "idle")
-    """Train against these named opponents too, beside the agent itself and its past selves."""
+    """Train against these named opponents, and against the agent itself and its past selves."""
     learning_rate: float = 4e-4
-    """Use this learning rate during practice. After that it falls linearly to a fiftieth."""
     sde_sample_freq: Count = 0
-    """Keep each random disturbance of the actions for this many steps (gSDE). With 0, disturbances are independent in
-    every step."""
+    """Keep each random disturbance of the actions for this many steps (gSDE). With 0, the disturbances of each step are
+    independent."""
     log_std_init: float = -1.2
     """Start with disturbances whose standard deviation has this logarithm."""
     latest_share: float = 0.3
     """Play this share of the episodes against the agent as it is now."""
     scripted_share: float = 0.25
-    """Play this share of the episodes against the named opponents, and the others against past selves. In both kinds,
-    hard opponents come more often."""
+    """Play this share of the episodes against the named opponents, and the rest against past selves. In both groups,
+    hard opponents are drawn more often."""
     snapshot_every: Count = 2_000_000
-    """Let a copy of the agent join the league each time so many steps have passed."""
+    """Add a copy of the agent to the league every this many steps."""
     most_past_selves: Count = 12
-    """Keep at most this many copies in the league. The weakest leaves when there are more."""
+    """Keep at most this many copies in the league. A further one replaces the weakest."""
 
 
 def resolve(args: SelfPlayArgs) -> SelfPlayArgs:
-    """Check the options and fill in numbers of steps; see `Recipe.resolve`."""
+    """Check the options and fill in the numbers of steps. See `Recipe.resolve`."""
     check_ranges(
         args, latest_share=(0, 1), scripted_share=(0, 1 - args.latest_share), snapshot_every=(1, math.inf),
         most_past_selves=(1, 1000),
@@ -58,23 +57,11 @@ def build(args: SelfPlayArgs, new: bool) -> Setup:
     model = ppo.make_model(args, ppo.make_env(args))
     if new and args.start is not None:
         take_over(model, RunFolder.open(args.start, "--start"))
-    return ppo.setup(args, model, make_league(args), practise=args.start is None)
-
-
-def make_league(args: SelfPlayArgs) -> League:
-    """The league before training: without past selves."""
-    return League(
-        args.opponent,
-        latest_share=args.latest_share,
-        scripted_share=args.scripted_share,
-        snapshot_every=args.snapshot_every,
-        most_past_selves=args.most_past_selves,
-        seed=args.seed,
-    )
+    return ppo.setup(args, model, League(args), practise=args.start is None)
 
 
 def take_over(model: PPO, folder: RunFolder) -> None:
-    """Give a new model the network of another run, but not how that one explores.
+    """Copy the network of another run into a new model, except for its exploration noise.
 
     Raises:
         ValueError: the networks differ in shape.

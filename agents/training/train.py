@@ -1,4 +1,4 @@
-"""The trainer of all recipes: begins and resumes runs, lets them learn, saves, evaluates and reports."""
+"""The trainer that all recipes share: it begins or resumes a run, trains, evaluates, saves, and writes the report."""
 
 from __future__ import annotations
 
@@ -27,37 +27,38 @@ from agents.video import write_video
 Args = TypeVar("Args", bound=TrainArgs)
 
 RECIPES = {recipe.args: recipe for recipe in (ppo.RECIPE, self_play.RECIPE, zoo.RECIPE)}
-"""By the type of their options."""
+"""The recipes by the type of their options."""
 
 NOT_KEPT = ("resume", "trust")
-"""Options of one session, which config.json does not keep: nobody is trusted because a file says so."""
+"""Options that config.json does not keep. Otherwise a file from somebody else could say that it is to be trusted."""
 
 
 class Run:
     """A run that is being trained."""
 
     def __init__(self, recipe: Recipe, folder: RunFolder, args: TrainArgs, setup: Setup, history: History) -> None:
+        assert args.steps is not None and args.eval_every is not None
         self.command, self.folder, self.args, self.setup, self.history = recipe.command, folder, args, setup, history
-        self.model = setup.model
+        self.model, self.steps, self.eval_every = setup.model, args.steps, args.eval_every
         before = history["updates"][-1]["seconds"] if history["updates"] else 0.0
         self._begun = time.perf_counter() - before
 
     @property
     def seconds(self) -> float:
-        """The time of training over all sessions, without evaluations."""
+        """Training time over all sessions, without evaluations."""
         return time.perf_counter() - self._begun
 
     @property
     def evaluated(self) -> int:
-        """Steps at the last evaluation; -1 before the first."""
+        """The number of steps at the last evaluation, or -1 before the first."""
         return self.history["evaluations"][-1]["steps"] if self.history["evaluations"] else -1
 
     def save(self) -> None:
-        """Write everything that a resumed run needs but its options."""
+        """Write a checkpoint."""
         checkpoints.save(self.folder, self.setup, self.history)
 
     def evaluate(self, stop: Stop) -> None:
-        """Play, note the result, and save the run."""
+        """Evaluate the model, record the result, and save the run."""
         seconds = self.seconds
         row = self.setup.evaluate(stop)
         self._begun += self.seconds - seconds
@@ -69,7 +70,7 @@ class Run:
 
 
 class Watch(BaseCallback):
-    """Evaluates and saves a run when it is due."""
+    """Evaluates and saves a run regularly."""
 
     def __init__(self, run: Run, stop: Stop) -> None:
         super().__init__()
@@ -84,25 +85,24 @@ class Watch(BaseCallback):
         self._evaluate_if_due()
 
     def _evaluate_if_due(self) -> None:
-        assert self.run.args.eval_every is not None
-        if self.num_timesteps >= self.run.evaluated + self.run.args.eval_every:
+        if self.num_timesteps >= self.run.evaluated + self.run.eval_every:
             self.run.evaluate(self.stop)
 
 
 def train(args: TrainArgs, callbacks: Sequence[BaseCallback] = ()) -> RunFolder:
-    """Train to `args.steps`, or until Ctrl-C; then write the report. Returns the run's folder.
+    """Train to `args.steps`, or until Ctrl-C; then write the report. Return the folder of the run.
 
-    A second Ctrl-C, SIGTERM or SIGHUP leaves out the report, not the saving.
+    After a second Ctrl-C, SIGTERM or SIGHUP, the run is saved without a report.
 
     Args:
         args: the options of a recipe: `PpoArgs`, `SelfPlayArgs` or `ZooArgs`.
-        callbacks: of Stable-Baselines3, for trackers and the like. Their training begins and ends with every phase of
-            the recipe: with shooting practice and with the game. A callback that returns False ends the phase.
+        callbacks: Stable-Baselines3 callbacks, for example of a tracker. They see training start and end once per phase
+            of the recipe, such as shooting practice. A callback that returns False ends the phase.
 
     Raises:
-        ValueError, FileExistsError, FileNotFoundError: an argument does not fit; nothing has been written then.
-        BlockingIOError: another process trains this run.
-        OSError: the run could not be saved; its last checkpoint is whole.
+        ValueError, FileExistsError, FileNotFoundError: an option is wrong. Nothing has been written.
+        BlockingIOError: another process is training this run.
+        OSError: the run could not be saved. Its last checkpoint is intact.
     """
     with contextlib.ExitStack() as stack:
         stop = stack.enter_context(stopping())
@@ -113,11 +113,11 @@ def train(args: TrainArgs, callbacks: Sequence[BaseCallback] = ()) -> RunFolder:
 
 
 def own_args(args: Args) -> tuple[RunFolder, Args]:
-    """The folder that `args.resume` names, and the options that the run was begun with.
+    """Find the run that `args.resume` names. Return its folder and the options that it was begun with.
 
     Raises:
         FileNotFoundError: there is no such run.
-        ValueError: it is a run of another command, or damaged.
+        ValueError: the run belongs to another command, or its config.json is damaged.
     """
     assert args.resume is not None
     recipe = RECIPES[type(args)]
@@ -136,7 +136,7 @@ def own_args(args: Args) -> tuple[RunFolder, Args]:
 
 
 def _resolved(args: Args) -> Args:
-    """The options, checked, with numbers in place of None.
+    """Check the options, and replace None by the defaults that depend on other options.
 
     Raises:
         ValueError: an option is out of range.
@@ -152,7 +152,7 @@ def _resolved(args: Args) -> Args:
 
 
 def _begin(args: TrainArgs, stack: contextlib.ExitStack) -> Run:
-    """A new run; its folder stays locked as long as the stack."""
+    """Make a new run. Its folder stays locked until the stack is closed."""
     recipe, args = RECIPES[type(args)], _resolved(args)
     torch.set_num_threads(args.threads)
     setup = recipe.build(args, True)
@@ -161,12 +161,12 @@ def _begin(args: TrainArgs, stack: contextlib.ExitStack) -> Run:
     run = Run(recipe, folder, args, setup, {"practice": None, "evaluations": [], "updates": [], "report": []})
     run.save()
     kept = {name: value for name, value in dataclasses.asdict(args).items() if name not in NOT_KEPT}
-    write_json(folder.config, {"command": recipe.command, **kept})  # last: what has it can be resumed
+    write_json(folder.config, {"command": recipe.command, **kept})  # last: now the run can be resumed
     return run
 
 
 def _resume(args: TrainArgs, stack: contextlib.ExitStack) -> Run:
-    """A run that goes on; its folder stays locked as long as the stack."""
+    """Load a run to continue it. Its folder stays locked until the stack is closed."""
     folder, kept = own_args(args)
     check_resumed(dataclasses.replace(kept, **{name: getattr(args, name) for name in not_default(args)}), kept)
     stack.enter_context(folder.locked())
@@ -183,15 +183,14 @@ def _resume(args: TrainArgs, stack: contextlib.ExitStack) -> Run:
 
 
 def _learn(run: Run, callbacks: Sequence[BaseCallback], stop: Stop) -> None:
-    """Train the model until it has the steps of the run, fails, or is asked to stop; however that ends, it is saved.
+    """Train all phases. The run is saved however they end.
 
     Raises:
-        Stopped, KeyboardInterrupt: the command was asked to end, by more than one Ctrl-C.
+        Stopped, KeyboardInterrupt: a signal other than one Ctrl-C has arrived.
     """
-    steps, done, path = run.args.steps, run.model.num_timesteps, run.folder.path
-    assert steps is not None
-    goes_on = f" It goes on at {done:,}." if done < steps else f" It has {done:,} already: nothing is left to train."
-    print(f"{path}: {steps:,} steps in all.{goes_on if done else ''} Ctrl-C stops early and keeps everything.")
+    done, path = run.model.num_timesteps, run.folder.path
+    resumed = f" It continues at {done:,}." if done < run.steps else f" It has {done:,} already, so nothing is left."
+    print(f"{path}: {run.steps:,} steps in all.{resumed if done else ''} Ctrl-C stops early and saves everything.")
     logger = configure(str(path / "tensorboard"), ["tensorboard"])
     logger.output_formats.append(Records(run.history["updates"], lambda: run.seconds))
     run.model.set_logger(logger)
@@ -199,7 +198,7 @@ def _learn(run: Run, callbacks: Sequence[BaseCallback], stop: Stop) -> None:
         if run.evaluated < 0:
             run.evaluate(stop)
         for phase in run.setup.phases(run.history):
-            if stop.asked or run.model.num_timesteps >= steps:
+            if stop.asked or run.model.num_timesteps >= run.steps:
                 break
             _learn_phase(run, phase, callbacks, stop)
     except (KeyboardInterrupt, Stopped):
@@ -208,19 +207,18 @@ def _learn(run: Run, callbacks: Sequence[BaseCallback], stop: Stop) -> None:
     finally:
         run.save()
     if stop.asked:
-        print(f"\nStopped; the run is saved. Go on with: python -m scripts.{run.command} --resume {path}")
-        stop.take_ctrl_c()
+        print(f"\nStopped; the run is saved. Continue with: python -m scripts.{run.command} --resume {path}")
+        stop.forget_ctrl_c()
         stop.check()
 
 
 def _learn_phase(run: Run, phase: Phase, callbacks: Sequence[BaseCallback], stop: Stop) -> None:
-    """Train on the tables of a phase, until a callback ends it or the run has its steps."""
-    model, steps = run.model, run.args.steps
-    assert steps is not None
+    """Train on the tables of a phase, until a callback ends it or the run has all its steps."""
+    model = run.model
     print(phase.title)
     seed_learning(model, phase.env, phase.purpose, run.args.seed)
     model.learn(
-        steps - model.num_timesteps,
+        run.steps - model.num_timesteps,
         callback=CallbackList([*phase.callbacks, *callbacks, Watch(run, stop), ProgressBar(), StopLearning(stop)]),
         log_interval=100 if isinstance(model, OffPolicyAlgorithm) else 1,  # episodes, or updates
         reset_num_timesteps=model.num_timesteps == 0,
@@ -228,7 +226,7 @@ def _learn_phase(run: Run, phase: Phase, callbacks: Sequence[BaseCallback], stop
 
 
 def _report(run: Run, stop: Stop) -> None:
-    """Evaluate the trained agent, print and write the results, and draw picture and video."""
+    """Evaluate the trained agent, print and write the results, draw the picture and record the video."""
     folder = run.folder
     print(f"{run.model.num_timesteps:,} steps, {run.seconds / 60:.1f} minutes of training. Evaluating ...")
     if run.evaluated < run.model.num_timesteps:

@@ -1,4 +1,4 @@
-"""The recipe of PPO, SAC and TD3 on a registered environment, with hyperparameters from files in RL-Zoo's format."""
+"""The recipe for PPO, SAC and TD3 in a registered environment, with hyperparameters from files in RL-Zoo's format."""
 
 from __future__ import annotations
 
@@ -41,27 +41,27 @@ HYPERPARAMS = Path(__file__).parents[1] / "hyperparams"
 EPISODES_AT_ONCE = 64
 
 EVALUATION = {"episodes": POSITIVE, "success_rate": SHARE, "success_rate_95": (SHARE, SHARE), "mean_seconds": NUMBER}
-"""What a row of an evaluation has, for `read_json`."""
+"""A row of an evaluation, as a pattern of `read_json`."""
 
 
 @dataclass(frozen=True)
 class ZooArgs(TrainArgs):
-    """Train an agent with an algorithm of Stable-Baselines3. Everything goes into one folder, runs/NAME/."""
+    """Train an agent with an algorithm of Stable-Baselines3, and write everything into one folder, runs/NAME/."""
 
     algo: str = "ppo"
     """Train with this algorithm: "ppo", "sac" or "td3"."""
     env: str = "AirHockeyHit-v0"
     """Train in this environment: "AirHockeyHit-v0", "AirHockeyDefend-v0" or "AirHockey-v0"."""
     obs_type: str = "state"
-    """Show the agent this: "state", or pictures, "rgb" or "grayscale", for which only PPO has hyperparameters."""
+    """Let the agent observe the "state", or pictures in "rgb" or "grayscale", for which only PPO has hyperparameters."""
     hyperparams: Path | None = None
-    """Read the hyperparameters from this file in RL-Zoo's format, which needs a section for the environment. The
-    default is agents/hyperparams/ALGO.yml, for pictures ALGO_pixels.yml."""
+    """Read the hyperparameters from this file in RL-Zoo's format, which must have a section for the environment. The
+    default is agents/hyperparams/ALGO.yml, or ALGO_pixels.yml for pictures."""
     trust: bool = False
-    """Run `policy_kwargs` of --hyperparams as Python where it is more than plain values, as RL-Zoo does: only for files
-    of people you trust."""
+    """Run the `policy_kwargs` of --hyperparams as Python, as RL-Zoo does, if they contain more than plain values. Use
+    this only with files from people you trust."""
     section: Annotated[dict[str, Any] | None, tyro.conf.Suppress] = None
-    """The file's section for the environment; not an option, but kept with them."""
+    """The section for the environment. It is no option, but config.json keeps it with them."""
     eval_episodes: Count = 200
     """Play this many episodes in an evaluation."""
     report_episodes: Count = 1000
@@ -69,7 +69,7 @@ class ZooArgs(TrainArgs):
 
 
 def resolve(args: ZooArgs) -> ZooArgs:
-    """Check the options and read the hyperparameters; see `Recipe.resolve`.
+    """Check the options and read the hyperparameters. See `Recipe.resolve`.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -86,7 +86,7 @@ def resolve(args: ZooArgs) -> ZooArgs:
 
 
 def parsed(args: ZooArgs) -> Hyperparameters:
-    """The section, with the observations that the options name.
+    """The hyperparameters in `section`, with the observations that the options name.
 
     Raises:
         ValueError: there is no section, or it is not in RL-Zoo's format.
@@ -122,13 +122,13 @@ def build(args: ZooArgs, new: bool) -> Setup:
 
 
 def make_env(env_id: str, hyperparameters: Hyperparameters, num_envs: int | None = None) -> VecEnv:
-    """Tables of a registered environment, over the native batch.
+    """Make tables of a registered environment.
 
     Args:
-        num_envs: how many, if not as many as training has.
+        num_envs: the number of tables; by default that of the hyperparameters.
 
     Raises:
-        ValueError: `env_kwargs` are not those of the environment.
+        ValueError: the environment does not have such `env_kwargs`.
     """
     spec = gymnasium.spec(env_id)
     try:
@@ -146,10 +146,10 @@ def make_env(env_id: str, hyperparameters: Hyperparameters, num_envs: int | None
 
 
 def make_model(algo: str, hyperparameters: Hyperparameters, env: VecEnv, seed: int = 0) -> BaseAlgorithm:
-    """An untrained agent.
+    """Make an untrained agent.
 
     Raises:
-        ValueError: the hyperparameters are not those of the algorithm.
+        ValueError: the algorithm does not have such hyperparameters.
     """
     arguments: dict[str, Any] = hyperparameters.model
     try:
@@ -161,12 +161,12 @@ def make_model(algo: str, hyperparameters: Hyperparameters, env: VecEnv, seed: i
 def successes(
     model: BaseAlgorithm, tables: VecEnv, seed: int, episodes: int, purpose: str, stop: Stop
 ) -> dict[str, Any]:
-    """Play episodes deterministically, and return a row for the records.
+    """Play episodes with deterministic actions, and return a row for the records.
 
     Args:
-        tables: play one episode after the other.
-        seed, purpose: of the tables' random streams, see `agents.seeding`.
-        stop: asked between two steps.
+        tables: the tables to play on, each one episode after the other.
+        seed, purpose: determine the random streams of the tables, see `agents.seeding`.
+        stop: is checked between two steps.
     """
     ended: list[bool] = []
 
@@ -190,7 +190,7 @@ def successes(
 
 
 def frames(args: ZooArgs, hyperparameters: Hyperparameters, folder: RunFolder) -> Iterator[NDArray[np.uint8]]:
-    """Pictures of the agent in its environment; see `Setup.frames`."""
+    """Pictures of the agent in its environment. See `Setup.frames`."""
     game = {"opponent": "striker", **gymnasium.spec(args.env).kwargs, **hyperparameters.env_kwargs}
     return frames_of_play(
         load_player(str(folder.path), trust=args.trust), game["opponent"], args.video_seconds,

@@ -11,7 +11,7 @@ import pytest
 
 from agents.training.league import LATEST, LEAST_PRIORITY, League, Member
 from agents.training.ppo import make_env, make_model
-from agents.training.self_play import SelfPlayArgs, make_league
+from agents.training.self_play import SelfPlayArgs
 from tests.helpers import some_policy
 
 UPDATE = 6 * 8
@@ -27,7 +27,7 @@ ARGS = SelfPlayArgs(
 
 
 def learn(steps: int, args: SelfPlayArgs = ARGS) -> League:
-    league = make_league(args)
+    league = League(args)
     make_model(args, make_env(args, opponents=league.pool)).learn(steps, callback=league)
     return league
 
@@ -55,7 +55,7 @@ class TestMember:
 
 class TestLeague:
     def test_draws_follow_the_priorities(self) -> None:
-        league = make_league(ARGS)
+        league = League(ARGS)
         league.members[1].won, league.members[2].won = 0.5, 0.0  # priorities 1/4 and 1
         drawn = np.bincount(league.draw(20_000), minlength=3) / 20_000
         np.testing.assert_allclose(drawn, [0.75, 0.25 / 5, 0.25 * 4 / 5], atol=0.02)  # no past selves yet
@@ -99,7 +99,7 @@ class TestLeague:
         league.save(tmp_path)
         league.save(tmp_path)
         assert len(list((tmp_path / "league").iterdir())) == 2
-        loaded = make_league(ARGS)
+        loaded = League(ARGS)
         loaded.load(tmp_path)
         assert loaded.members == league.members
         assert loaded.due == league.due
@@ -110,7 +110,7 @@ class TestLeague:
 
     @pytest.mark.parametrize("damage", ["", "{}", "[]", '{"due": 0, "members": [{"file": null}]}', '{"members": 3}'])
     def test_damaged_files(self, damage: str, tmp_path: Path) -> None:
-        league = make_league(ARGS)
+        league = League(ARGS)
         league.save(tmp_path)
         (tmp_path / "league.json").write_text(damage)
         with pytest.raises(ValueError, match=r"league\.json"):
@@ -121,9 +121,9 @@ class TestLeague:
         league.save(tmp_path)
         next((tmp_path / "league").iterdir()).unlink()
         with pytest.raises(FileNotFoundError):
-            make_league(ARGS).load(tmp_path)
+            League(ARGS).load(tmp_path)
 
     def test_the_file_is_json(self, tmp_path: Path) -> None:
-        make_league(ARGS).save(tmp_path)
+        League(ARGS).save(tmp_path)
         members = json.loads((tmp_path / "league.json").read_text())["members"]
         assert [row["name"] for row in members] == [LATEST, "striker", "idle"]

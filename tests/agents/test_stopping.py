@@ -94,7 +94,7 @@ def test_ctrl_c_loses_nothing_and_a_second_one_leaves_out_the_report(points: str
         assert process.stdout is not None
         process.send_signal(signal.SIGINT)
         printed = ""
-        while "Go on with: python -m scripts.train_ppo --resume runs/long" not in " ".join(printed.split()):
+        while "Continue with: python -m scripts.train_ppo --resume runs/long" not in " ".join(printed.split()):
             printed += (line := process.stdout.readline())
             assert line, printed
         if again:
@@ -138,7 +138,7 @@ class TestStop:
             signal.raise_signal(signal.SIGINT)
             signal.raise_signal(signal.SIGINT)
             assert stop.asked == [signal.SIGINT, signal.SIGINT]
-            assert stop.take_ctrl_c()
+            stop.forget_ctrl_c()
             with pytest.raises(KeyboardInterrupt):
                 stop.check()
             signal.raise_signal(signal.SIGTERM)
@@ -151,7 +151,7 @@ class TestStop:
         stop = Stop()
         stop.check()
         stop.watch(None, 0)(None)
-        assert not stop.take_ctrl_c()
+        stop.forget_ctrl_c()
         assert list(stop.between("abc")) == ["a", "b", "c"]
 
     def test_in_another_thread_signals_stay_as_they_are(self) -> None:
@@ -218,7 +218,7 @@ def test_a_full_disk_leaves_the_last_checkpoint(monkeypatch: pytest.MonkeyPatch)
 
     with monkeypatch.context() as patch:
         patch.setattr(checkpoints, "write_json", full)  # the last of a checkpoint's files
-        with pytest.raises(OSError, match=r"runs.own could not be saved, its last checkpoint is whole: .*No space"):
+        with pytest.raises(OSError, match=r"runs.own could not be saved, its last checkpoint is intact: .*No space"):
             train(PpoArgs(resume="own", steps=64))
     assert {name: (folder / name).read_bytes() for name in names} == before
     assert not list(folder.rglob("*part*"))

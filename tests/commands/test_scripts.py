@@ -125,7 +125,7 @@ class TestTrainPpo:
     def test_a_run_is_not_overwritten(self, trained: Path, tmp_path: Path, call: Call) -> None:
         copied = copy_of(trained, tmp_path)
         before = (copied / "model.zip").read_bytes()
-        assert "runs/tiny holds a run already" in call("train_ppo", "--name", "tiny", *TINY, fails=True)
+        assert "runs/tiny contains a run already" in call("train_ppo", "--name", "tiny", *TINY, fails=True)
         assert (copied / "model.zip").read_bytes() == before
 
     @pytest.mark.parametrize("name", ["config.json", "model.zip", "evaluations.json"])
