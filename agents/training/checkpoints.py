@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
 from agents.files import COUNT, NUMBER, or_none, read_json, replace_together, write_json
@@ -22,7 +21,7 @@ TIMES = {"steps": COUNT, "seconds": NUMBER}
 """The steps and seconds of training before an evaluation or an update, as a pattern of `read_json`."""
 
 HISTORY = {"practice": or_none(COUNT), "evaluations": [TIMES], "updates": [TIMES], "report": [{}]}
-"""The records of a run, as a pattern of `read_json`. `practice` is the number of steps at the end of shooting practice."""
+"""The records of a run, as a pattern of `read_json`. `practice` is the steps after which shooting practice was over."""
 
 BUFFER_ARRAYS = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
@@ -36,7 +35,7 @@ def save(folder: RunFolder, setup: Setup, history: History) -> None:
         OSError: the files cannot be written. The old ones are intact.
     """
     model = setup.model
-    writes: dict[Path, Callable[[Path], object]] = {folder.model: lambda part: _save_zip(model, part)}
+    writes: dict[Path, Callable[[Path], object]] = {folder.model: model.save}
     if model.observation_space.shape == (OBSERVATION_SIZE,):
         writes[folder.policy] = export_policy(model).save
     if isinstance(model, OffPolicyAlgorithm) and model.replay_buffer is not None:
@@ -68,16 +67,10 @@ def load(folder: RunFolder, setup: Setup, evaluation: dict[str, Any]) -> History
     return {name: history[name] for name in HISTORY}
 
 
-def _save_zip(model: BaseAlgorithm, path: Path) -> None:
-    with open(path, "wb") as file:  # Stable-Baselines3 would append a suffix to a path
-        model.save(file)
-
-
 def save_buffer(buffer: Any, path: Path) -> None:
     """Write the filled part of a `ReplayBuffer` as plain arrays (steps, tables, ...)."""
     arrays = {name: getattr(buffer, name)[: buffer.size()] for name in BUFFER_ARRAYS if hasattr(buffer, name)}
-    with open(path, "wb") as file:
-        np.savez(file, position=buffer.pos, full=buffer.full, **arrays)
+    np.savez(path, position=buffer.pos, full=buffer.full, **arrays)
 
 
 def load_buffer(buffer: Any, path: Path) -> None:

@@ -62,8 +62,8 @@ class PpoArgs(TrainArgs):
     eval_opponent: str = "striker"
     """Evaluate against this named opponent."""
     warmup_steps: OptionalCount = None
-    """Begin with at most this many steps of shooting practice (the task "hit"). Without it, agents learn to defend and to
-    wait, but not to shoot. The default is half of --steps, but at most 4 million."""
+    """Begin with at most this many steps of shooting practice (the task "hit"). Without it, agents learn to defend and
+    to wait, but not to shoot. The default is half of --steps, but at most 4 million."""
     warmup_success: float = 0.8
     """End the practice as soon as this share of its last 500 episodes succeeds."""
     reward: str = "shaped"
@@ -222,7 +222,7 @@ class Practice(BaseCallback):
 def play(args: PpoArgs, model: PPO, opponent: str, points: int, purpose: str, stop: Stop) -> Result:
     """Play points with the agent as it is now. See `play_points` for the arguments."""
     return play_points(
-        export_policy(model), opponent, points, seed=args.seed, purpose=purpose, table=args.table, observer=stop.watch
+        export_policy(model), opponent, points, seed=args.seed, purpose=purpose, table=args.table, observer=stop.observe
     )
 
 

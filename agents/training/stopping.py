@@ -52,7 +52,7 @@ class Stop:
         if self.asked:
             raise KeyboardInterrupt
 
-    def watch(self, *_: Any) -> Callable[..., None]:
+    def observe(self, *_: Any) -> Callable[..., None]:
         """Stop between two steps of an evaluation. This is an observer for `play_points`."""
         return lambda *_: self.check()
 

@@ -53,7 +53,7 @@ class ZooArgs(TrainArgs):
     env: str = "AirHockeyHit-v0"
     """Train in this environment: "AirHockeyHit-v0", "AirHockeyDefend-v0" or "AirHockey-v0"."""
     obs_type: str = "state"
-    """Let the agent observe the "state", or pictures in "rgb" or "grayscale", for which only PPO has hyperparameters."""
+    """Let the agent observe the "state", or pictures, "rgb" or "grayscale". Only PPO has hyperparameters for these."""
     hyperparams: Path | None = None
     """Read the hyperparameters from this file in RL-Zoo's format, which must have a section for the environment. The
     default is agents/hyperparams/ALGO.yml, or ALGO_pixels.yml for pictures."""

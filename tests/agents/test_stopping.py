@@ -150,7 +150,7 @@ class TestStop:
     def test_nothing_was_asked(self) -> None:
         stop = Stop()
         stop.check()
-        stop.watch(None, 0)(None)
+        stop.observe(None, 0)(None)
         stop.forget_ctrl_c()
         assert list(stop.between("abc")) == ["a", "b", "c"]
 
@@ -170,9 +170,9 @@ class TestStop:
         """One comes in the midst of the first evaluation, one while the run is saved for that."""
         points, together = ppo.play_points, checkpoints.replace_together
 
-        def evaluate(*arguments: Any, watch: Callable[..., Any], **others: Any) -> Any:
+        def evaluate(*arguments: Any, observer: Callable[..., Any], **others: Any) -> Any:
             signal.raise_signal(signal.SIGINT)
-            return points(*arguments, watch=watch, **others)
+            return points(*arguments, observer=observer, **others)
 
         def save(writes: Any) -> None:
             together({path: lambda part, write=write: (signal.raise_signal(signal.SIGTERM), write(part))
