@@ -54,7 +54,7 @@ def test_the_table_holds_for_an_episode_and_is_what_is_played_on():
     plain.reset(seed=3)
     start = plain.unwrapped.get_state()
     drawn = env.unwrapped.get_state()
-    start[:] = drawn["table"]
+    start[:] = drawn["state"]
     plain.unwrapped.set_state(start)
     for actions in random_actions(4, 40, 1):
         ours, theirs = env.step(actions[0]), plain.step(actions[0])
