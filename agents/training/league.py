@@ -11,7 +11,6 @@ right.
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -154,19 +153,14 @@ class League(BaseCallback):
             FileNotFoundError, ValueError: files are missing or damaged.
         """
         member = {"name": TEXT, "points": COUNT, "won": SHARE, "drawn": SHARE, "file": or_none(FILE)}
-        kept: dict[str, Any] = read_json(folder / "league.json", {"due": COUNT, "members": [member]})
-        names = [entry["name"] for entry in kept["members"][: 1 + len(self.scripted)]]
-        if names != [LATEST, *self.scripted]:
-            raise ValueError(
-                f"{folder / 'league.json'}: its members must begin with {[LATEST, *self.scripted]}, got {names}"
-            )
-        files = [entry["file"] for entry in kept["members"]]
-        if any(file is None for file in files[len(names) :]) or any(files[: len(names)]):
-            raise ValueError(f"{folder / 'league.json'}: past selves, and only they, must have a file, got {files}")
-        past = [entry["name"] for entry in kept["members"][len(names) :]]
-        if not all(re.fullmatch(r"self at [0-9]+", name) for name in past):  # these become names of files
-            raise ValueError(f"{folder / 'league.json'}: past selves must be called 'self at' a step, got {past}")
-        fields = [field.name for field in dataclasses.fields(Member)]
-        self.members = [Member(**{name: entry[name] for name in fields}) for entry in kept["members"]]
+        path = folder / "league.json"
+        kept: dict[str, Any] = read_json(path, {"due": COUNT, "members": [member]})
+        first = [(name, None) for name in (LATEST, *self.scripted)]
+        found = [(entry["name"], entry.pop("file")) for entry in kept["members"]]
+        names = [name for name, file in found[len(first) :] if file]  # these become names of files
+        fits = len(first) + len(names) == len(found) and all(re.fullmatch(r"self at [0-9]+", name) for name in names)
+        if found[: len(first)] != first or not fits:
+            raise ValueError(f"{path} must begin with {first}, then have past selves with a file each, got {found}")
+        self.members = [Member(**{name: entry[name] for name in asdict(Member(""))}) for entry in kept["members"]]
         self.due = kept["due"]
-        self.past = {k: MlpPolicy.load(folder / "league" / file) for k, file in enumerate(files) if file}
+        self.past = {k: MlpPolicy.load(folder / "league" / file) for k, (_, file) in enumerate(found) if file}

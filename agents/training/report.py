@@ -91,9 +91,9 @@ def draw_training(history: dict[str, Any], title: str, path: Path) -> None:
         if history["practice"]:
             practice = history["practice"] / scale
             axis.axvline(practice, color=GREY, linewidth=1, linestyle=":", zorder=0, label="end of practice")
-        if axis.get_legend_handles_labels()[1]:
-            axis.legend(frameon=False)
         plain(axis)
+    if evaluations or history["practice"]:
+        axes[0, 0].legend(frameon=False)
     save_figure(figure, path)
 
 
