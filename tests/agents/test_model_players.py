@@ -14,7 +14,8 @@ from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecTranspose
 from agents.human.live_match import START_PAUSE, LiveMatch
 from agents.measuring.evaluation import play_points, play_task
 from agents.models import ModelPlayer, ModelPolicy, load_player
-from agents.training.algorithms import HYPERPARAMS, AlgorithmArgs, train
+from agents.training.train import train
+from agents.training.zoo import HYPERPARAMS, ZooArgs
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
@@ -34,9 +35,9 @@ def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "tiny.yml").write_text(text)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        args = AlgorithmArgs(
+        args = ZooArgs(
             env="AirHockeyDefend-v0", obs_type="rgb", hyperparams=Path("tiny.yml"), name="tiny", steps=8,
-            evaluations=1, eval_episodes=2, report_episodes=2,
+            eval_episodes=2, report_episodes=2, video_seconds=0,
         )  # fmt: skip
         train(args)
     return folder / "runs" / "tiny"
