@@ -10,12 +10,12 @@ import pytest
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecTransposeImage
 
-from agents.human.live_match import START_PAUSE, LiveMatch
 from agents.measuring.evaluation import play_points, play_task
-from agents.models import ModelPlayer, Seat, load_player
+from agents.models import ModelPlayer, Seat, join, load_player, seated
 from agents.training.algorithms import HYPERPARAMS, AlgorithmArgs, train
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import AUTORESET_SAME_STEP
+from airhockey_env.live.match import START_PAUSE, LiveMatch
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from tests.commands import test_scripts
 from tests.commands.test_scripts import Call
@@ -137,7 +137,9 @@ def test_the_commands_take_a_run_of_pictures(pictures: Path, tmp_path: Path, cal
 
 
 def test_it_plays_against_a_person(pictures: Path) -> None:
-    match = LiveMatch(load_player(str(pictures)), seed=0)
+    player = seated(load_player(str(pictures)))
+    match = LiveMatch(player, seed=0)
+    join(match.game, player)
     match.restart(0.0)
     before = match.positions[1].copy()
     match.advance(START_PAUSE, (0.0, 0.0))

@@ -1,4 +1,4 @@
-"""A match against the clock on the wall: a person's pointer moves the left paddle. No window, sound or screen in here.
+"""A match against the wall clock. There is no window, sound or screen in here: those call `LiveMatch.advance`.
 
 The game steps at its own rate whatever the rate of the pictures is, and a picture lies between its last two states.
 """
@@ -6,15 +6,19 @@ The game steps at its own rate whatever the rate of the pictures is, and a pictu
 from __future__ import annotations
 
 import math
-from collections import deque
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.models import Player, join, seated
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
+from airhockey_env.live.hand import Hand
+from airhockey_env.live.pointer import Pointer
+from airhockey_env.live.recording import Recording
+from airhockey_env.opponents.players import Opponent, Policy, member_of
+from airhockey_env.opponents.trained import resolved
+from airhockey_env.replay.file import Replay
 from airhockey_env.tables import TableSpec
 
 CONTROL_HZ = 200.0
@@ -29,9 +33,6 @@ MOST_BEHIND = 0.1
 """s that the game may have to catch up at once. After a longer hold-up (a window being dragged, a laptop asleep) it
 goes on from where it was: it never has more to do than it can."""
 
-GRASP = 0.016
-"""s over which the pointer's velocity is measured, twice: about one picture, and a few reports of a mouse."""
-
 TRUST = 0.6
 """Share of the pointer's velocity that the paddle counts on. With none of it a paddle that is always ready to stop at
 the pointer stays behind one that moves, 30 ms at 2 m/s; with all of it, it shoots far past a hand that stops harder
@@ -40,6 +41,9 @@ which takes more than the paddle's acceleration, within 10 ms and 4 mm too far."
 
 START_PAUSE, POINT_PAUSE, FOUL_PAUSE = 1.0, 0.8, 0.8
 """s that the game rests before a match, after a point and after a foul."""
+
+
+_NOTHING = np.zeros((1, 2), np.float32)
 
 
 class Event(NamedTuple):
@@ -53,164 +57,98 @@ class Event(NamedTuple):
 KINDS = ("paddle", "wall", "goal", "conceded", "foul", "won", "lost")
 
 
-def approach_speed(distance: float, step: float, tick: float) -> float:
-    """The greatest speed for the coming tick from which one can still stop within `distance`.
+class _Held:
+    """A policy at one seat, whose answer holds until it is asked again.
 
-    Exact for a velocity that is constant within a tick and falls by at most `step` from one to the next: with n ticks
-    left, the speeds w, w - step, ..., w - (n - 1) * step cover the distance and leave nothing.
+    Args:
+        policy: from observations (1, 13) to actions (1, 2).
+        skill: the share of its paddle's speed that it uses, 0 to 1.
+        steps: control steps for which an answer holds.
     """
-    ticks = math.ceil(0.5 * (math.sqrt(1.0 + 8.0 * distance / (tick * step)) - 1.0) - 1e-9)
-    return 0.0 if ticks < 1 else (distance / tick + 0.5 * step * ticks * (ticks - 1)) / ticks
 
+    def __init__(self, policy: Policy, skill: float, steps: int) -> None:
+        self._policy, self._skill, self._steps = policy, np.float32(skill), steps
+        self.forget()
 
-class Hand(NamedTuple):
-    """What a paddle can do; one tick's worth of it."""
+    def forget(self) -> None:
+        """Begin a match."""
+        self._left = 0
+        self._answer = np.zeros((1, 2), np.float32)
 
-    speed: float  # m/s, greatest
-    step: float  # m/s, greatest change of velocity in a tick
-    tick: float  # s
-    near: tuple[float, float]  # m, least x and y
-    far: tuple[float, float]  # m, greatest x and y
-
-    def reachable(self, place: tuple[float, float]) -> tuple[float, float]:
-        """The place nearest to the given one at which the paddle can be."""
-        x, y = (min(max(p, low), high) for p, low, high in zip(place, self.near, self.far, strict=True))
-        return x, y
-
-    def follow(
-        self,
-        place: NDArray[np.float64],
-        velocity: NDArray[np.float64],
-        target: tuple[float, float],
-        target_velocity: tuple[float, float] = (0.0, 0.0),
-    ) -> tuple[float, float]:
-        """The action that brings the paddle to a target as fast as its limits allow, and stops it there.
-
-        Args:
-            place, velocity: of the paddle, (2,) m and m/s.
-            target: where the target will be at the end of the tick, m.
-            target_velocity: its velocity, m/s: the paddle brakes down to this one, so that it keeps up with a target
-                that moves.
-
-        Returns:
-            The target velocity as a share of the greatest speed.
-        """
-        # As seen by somebody who moves along with the target.
-        ux, uy = target_velocity
-        dx = target[0] - ux * self.tick - place[0]
-        dy = target[1] - uy * self.tick - place[1]
-        distance = math.hypot(dx, dy)
-        if distance > 0.0:
-            dx, dy = dx / distance, dy / distance
-        # What turns the paddle's way towards the target is not there for braking.
-        across = min(abs(dx * (velocity[1] - uy) - dy * (velocity[0] - ux)), 0.8 * self.step)
-        step = math.sqrt(self.step * self.step - across * across)
-        wanted = approach_speed(distance, step, self.tick)
-        vx, vy = ux + wanted * dx, uy + wanted * dy
-        share = 1.0 / max(self.speed, math.hypot(vx, vy))
-        return vx * share, vy * share
-
-
-class Pointer:
-    """Where the pointer was in the last moments: a path through what was reported of it."""
-
-    def __init__(self) -> None:
-        self._path: deque[tuple[float, float, float]] = deque()  # s, m, m
-
-    def __bool__(self) -> bool:
-        return bool(self._path)
-
-    def move(self, now: float, place: tuple[float, float]) -> None:
-        """Note where the pointer is now."""
-        self._path.append((now, *place))
-        while len(self._path) > 2 and self._path[1][0] < now - MOST_BEHIND - 3.0 * GRASP:
-            self._path.popleft()
-
-    def place(self, time: float) -> tuple[float, float]:
-        """Where it was; between two reports on the straight line between them."""
-        after = self._path[-1]
-        if time >= after[0]:
-            return after[1], after[2]
-        for before in reversed(self._path):
-            if before[0] <= time:
-                share = (time - before[0]) / (after[0] - before[0])
-                return before[1] + share * (after[1] - before[1]), before[2] + share * (after[2] - before[2])
-            after = before
-        return after[1], after[2]
-
-    def velocity(self, time: float) -> tuple[float, float]:
-        """The velocity that it will keep as far as one can tell: that of the last two moments. One that gets slower is
-        taken to go on doing so; one that has stopped, jumped or turned back has none.
-        """
-        now, before, earlier = (self.place(time - k * GRASP) for k in range(3))
-        vx, vy = (_kept((a - b) / GRASP, (b - c) / GRASP) for a, b, c in zip(now, before, earlier, strict=True))
-        return vx, vy
-
-
-def _kept(latest: float, earlier: float) -> float:
-    """What is left of a velocity along one axis."""
-    if latest * earlier <= 0.0:
-        return 0.0
-    if abs(latest) > abs(earlier):
-        return earlier
-    slower = 2.0 * latest - earlier
-    return slower if slower * latest > 0.0 else 0.0
+    def act(self, game: Game, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The action (1, 2) for the coming step."""
+        if not self._left:
+            self._answer = game.check_actions(self._policy(observation)) * self._skill
+            self._left = self._steps
+        self._left -= 1
+        return self._answer
 
 
 class LiveMatch:
-    """A match of a person, on the left, against an opponent.
+    """A match against the wall clock: of a person on the left, or of two players, against each other.
 
     Call `advance` for every picture with the time and the pointer's place; then `positions`, `score` and `clock` are
     what to draw.
 
     Args:
-        opponent: as `play_points` takes it.
-        skill: share of its paddle's speed that the opponent uses, 0 to 1.
+        right: who plays on the right: a name, the path of a policy, or a policy, as `AirHockeyEnv` takes an opponent.
+        left: who plays on the left, likewise; None: a person, whose paddle follows the pointer.
+        skill: share of its paddle's speed that the right player uses, 0 to 1.
         table: a preset's name or a `TableSpec`.
         points: that win the match.
+        control_hz: control steps a second.
         seed: of the serves; None: drawn.
+        recorded: keep what is played, for `replay`.
 
     Raises:
         ValueError: an argument is out of range.
     """
 
     spec: TableSpec
+    game: Game
+    """The game on one table that is played."""
     positions: NDArray[np.float64]
     """(3, 2) m: left paddle, right paddle, puck, as they are to be drawn."""
-    paused: bool
-    """Whether the game rests: before a serve, or because the match is over."""
+    resting: bool
+    """Whether the game rests: before a serve, while it is paused, or because the match is over."""
     notice: str
-    """What the game rests for: "start", "goal", "conceded", "foul", "won", "lost", or "" while it does not."""
+    """What the game rests for: "start", "goal", "conceded", "foul", "paused", "won", "lost", or "" while it does not.
+    The left player has won, scored or conceded."""
 
     def __init__(
         self,
-        opponent: Player,
+        right: Opponent,
         *,
+        left: Opponent | None = None,
         skill: float = 1.0,
         table: str | TableSpec = "full_size",
         points: int = 7,
         control_hz: float = CONTROL_HZ,
         seed: int | None = None,
+        recorded: bool = False,
     ) -> None:
-        seat = seated(opponent)
-        self._policy = None if isinstance(seat, str) else seat
-        self._game = Game(
+        seats = [None if player is None else resolved(member_of(player)) for player in (left, right)]
+        self.game = Game(
             1,
             table=table,
-            opponent=seat if isinstance(seat, str) else None,
+            player=seats[LEFT] if isinstance(seats[LEFT], str) else None,
+            opponent=seats[RIGHT] if isinstance(seats[RIGHT], str) else None,
             opponent_skill=skill,
             points=points,
             control_hz=control_hz,
             num_threads=1,
         )
-        join(self._game, seat)
-        self._skill = np.float32(skill)
-        self._game.seed([int(np.random.SeedSequence(seed).generate_state(1)[0])])
-        self.spec, self.points = self._game.spec, points
+        hold = max(1, round(control_hz / POLICY_HZ))
+        self._policies = [
+            _Held(seat, share, hold) if callable(seat) else None
+            for seat, share in zip(seats, (1.0, skill), strict=True)
+        ]
+        self._by_hand = left is None
+        self.game.seed([int(np.random.SeedSequence(seed).generate_state(1)[0])])
+        self.spec, self.points = self.game.spec, points
         self._tick = 1.0 / control_hz
-        self._hold = max(1, round(control_hz / POLICY_HZ))
-        self._table = self._game.tables[0]
-        radius, physics = self.spec.paddle_radius, self._game.physics[0]
+        self._table = self.game.tables[0]
+        radius, physics = self.spec.paddle_radius, self.game.physics[0]
         self.hand = Hand(
             speed=self.spec.paddle_speed,
             step=float(physics["paddle_step"]),
@@ -219,13 +157,17 @@ class LiveMatch:
             far=(-radius, 0.5 * self.spec.width - radius),
         )
         self._clock_limit = int(physics["clock_limit"])
+        self._recording = Recording(self.game) if recorded else None
         self.restart(0.0)
 
     def restart(self, now: float) -> None:
-        """Begin a new match; it is on after a short rest."""
-        self._game.reset()
-        self._answer = np.zeros((1, 2), np.float32)
-        self._steps = 0
+        """Begin a new match; it is on after a short rest. What was recorded of the last one is forgotten."""
+        self.game.reset()
+        if self._recording is not None:
+            self._recording.begin()
+        for policy in self._policies:
+            if policy is not None:
+                policy.forget()
         self._pointer = Pointer()
         self._played = now  # the time on the wall up to which the game has been played
         self._before = self._state()
@@ -233,16 +175,26 @@ class LiveMatch:
         self._shown_score, self._shown_clock = self._now_score(), self._now_clock()
         self._rest(now, START_PAUSE, "start")
 
+    def pause(self) -> None:
+        """Rest until `resume` is called. A match that is over stays so."""
+        if not self.over:
+            self._rest(0.0, math.inf, "paused")
+
+    def resume(self, now: float) -> None:
+        """Go on after `pause`, when a short rest is over."""
+        if self.notice == "paused":
+            self._rest(now, START_PAUSE, "paused")
+
     # What to draw -----------------------------------------------------------------------------------------------
 
     @property
     def score(self) -> tuple[int, int]:
-        """Points of the person and of the opponent."""
+        """Points of the left and of the right player."""
         return self._shown_score
 
     @property
     def clock(self) -> float:
-        """Share of the shot clock that is used up, negative while the puck is on the person's side."""
+        """Share of the shot clock that is used up, negative while the puck is on the left side."""
         return self._shown_clock
 
     @property
@@ -255,9 +207,19 @@ class LiveMatch:
         """Where the pointer is, m; None before it has been anywhere."""
         return self._pointer.place(math.inf) if self._pointer else None
 
+    def replay(self) -> Replay:
+        """What was played since the match began, or the first half hour of that.
+
+        Raises:
+            ValueError: nothing was recorded.
+        """
+        if self._recording is None:
+            raise ValueError("recorded must be True to replay a match")
+        return self._recording.replay()
+
     # What happens -----------------------------------------------------------------------------------------------
 
-    def advance(self, now: float, pointer: tuple[float, float] | None) -> list[Event]:
+    def advance(self, now: float, pointer: tuple[float, float] | None = None) -> list[Event]:
         """Play up to a time on the wall.
 
         Args:
@@ -270,28 +232,28 @@ class LiveMatch:
         if pointer is not None:
             self._pointer.move(now, pointer)
         events: list[Event] = []
-        if self.paused and not self.over and now >= self._rest_until:
+        if self.resting and not self.over and now >= self._rest_until:
             self._played = max(self._played, self._rest_until)
             self._before = self._state()
-            self.paused, self.notice = False, ""
+            self.resting, self.notice = False, ""
         self._played = max(self._played, now - MOST_BEHIND)
-        while not self.paused and now - self._played >= self._tick:
+        while not self.resting and now - self._played >= self._tick:
             self._played += self._tick
             self._step(events)
-        if not self.paused:
+        if not self.resting:
             share = (now - self._played) / self._tick
             self.positions = self._before + share * (self._state() - self._before)
             self._shown_score, self._shown_clock = self._now_score(), self._now_clock()
         return events
 
     def _step(self, events: list[Event]) -> None:
-        table, game = self._table, self._game
+        table, game = self._table, self.game
         self._before = self._state()
         velocity, score = table["velocity"].copy(), self._now_score()
-        if self._policy is not None and self._steps % self._hold == 0:
-            self._answer = game.check_actions(self._policy(game.out.other_observation)) * self._skill
-        self._steps += 1
-        game.step(np.array([self._action()], np.float32), self._answer)
+        left, right = (self._actions_of(seat) for seat in (LEFT, RIGHT))
+        game.step(left, right)
+        if self._recording is not None:
+            self._recording.add(left[0], right[0])
         for contact in game.out.contacts[0, : int(table["n_contacts"])]:
             kind = "wall" if contact["b"] < 0 else "paddle"
             speed = abs(float(contact["impulse"])) / (self.spec.puck_mass * self.spec.puck_speed)
@@ -305,8 +267,17 @@ class LiveMatch:
         elif game.out.foul[0]:
             self._stop(events, FOUL_PAUSE, "foul", velocity)
 
+    def _actions_of(self, seat: int) -> NDArray[np.float32]:
+        """What the player at a seat does in the tick that ends at `_played`, (1, 2)."""
+        policy = self._policies[seat]
+        if policy is not None:
+            return policy.act(self.game, (self.game.out.observation, self.game.out.other_observation)[seat])
+        if seat == LEFT and self._by_hand:
+            return np.array([self._action()], np.float32)
+        return _NOTHING  # a scripted player moves its own paddle
+
     def _action(self) -> tuple[float, float]:
-        """What the left paddle does in the tick that ends at `_played`."""
+        """What the person's paddle does in the tick that ends at `_played`."""
         place = self._table["position"][LEFT]
         if not self._pointer:
             return 0.0, 0.0
@@ -328,7 +299,7 @@ class LiveMatch:
         self._rest(self._played, seconds, notice)
 
     def _rest(self, since: float, seconds: float, notice: str) -> None:
-        self.paused, self.notice, self._rest_until = True, notice, since + seconds
+        self.resting, self.notice, self._rest_until = True, notice, since + seconds
 
     def _state(self) -> NDArray[np.float64]:
         return self._table["position"].copy()
