@@ -9,7 +9,8 @@ import numpy as np
 
 from agents.human.sounds import Sounds
 from airhockey_env.drawing import raster
-from airhockey_env.drawing.render import LEFT, LEFT_LIGHT, RIGHT_LIGHT, ROOM, WHITE, Color, Renderer
+from airhockey_env.drawing.palette import COLORS, Color
+from airhockey_env.drawing.render import Renderer
 from airhockey_env.drawing.window import Window, import_pygame
 from airhockey_env.live.match import START_PAUSE, LiveMatch
 
@@ -18,12 +19,12 @@ FINER = 3
 """Texts are drawn this many times as large as they are shown."""
 
 NOTICES = {
-    "start": ("First to {points}", "Move the mouse: your paddle is the left one", WHITE),
-    "goal": ("Goal!", "", LEFT_LIGHT),
-    "conceded": ("Goal for {opponent}", "", RIGHT_LIGHT),
-    "foul": ("Shot clock", "seven seconds are over: the other side serves", WHITE),
-    "won": ("You win {left} : {right}", "R to play again", LEFT_LIGHT),
-    "lost": ("{opponent} wins {right} : {left}", "R to play again", RIGHT_LIGHT),
+    "start": ("First to {points}", "Move the mouse: your paddle is the left one", COLORS.white),
+    "goal": ("Goal!", "", COLORS.left_light),
+    "conceded": ("Goal for {opponent}", "", COLORS.right_light),
+    "foul": ("Shot clock", "seven seconds are over: the other side serves", COLORS.white),
+    "won": ("You win {left} : {right}", "R to play again", COLORS.left_light),
+    "lost": ("{opponent} wins {right} : {left}", "R to play again", COLORS.right_light),
 }
 """What stands over the table while the game rests: a line, a smaller one, and the first one's colour."""
 
@@ -68,7 +69,7 @@ class Texts:
         width, height = self._size
         rows = [self._write(title, max(16, height // 9), color)]
         if line:
-            rows.append(self._write(line, max(12, height // 22), WHITE))
+            rows.append(self._write(line, max(12, height // 22), COLORS.white))
         gap = height // 40
         inner = max(row.get_width() for row in rows), sum(row.get_height() for row in rows) + gap * (len(rows) - 1)
         plate = self._plate((inner[0] + 6 * gap, inner[1] + 4 * gap), gap).copy()
@@ -82,8 +83,8 @@ class Texts:
         """A dark plate that lets the game shine through, kept for the next time."""
         if self._last_plate is None or self._last_plate.get_size() != size:
             large = self._pygame.Surface((FINER * size[0], FINER * size[1]), self._pygame.SRCALPHA)
-            large.fill((*ROOM, 0))
-            self._pygame.draw.rect(large, (*ROOM, 205), large.get_rect(), border_radius=FINER * corner)
+            large.fill((*COLORS.room, 0))
+            self._pygame.draw.rect(large, (*COLORS.room, 205), large.get_rect(), border_radius=FINER * corner)
             self._last_plate = self._finely(large)
         return self._last_plate
 
@@ -94,9 +95,9 @@ class Texts:
         width = self._size[0]
         size = max(10, self._size[1] // 30)
         for text, x, color in (
-            (left, 0.25, LEFT_LIGHT),
+            (left, 0.25, COLORS.left_light),
             (centre, 0.5, QUIET_TEXT),
-            (right, 0.75, RIGHT_LIGHT),
+            (right, 0.75, COLORS.right_light),
         ):
             written = self._write(text, size, color)
             screen.blit(written, (round(x * width - 0.5 * written.get_width()), round(middle - 0.5 * size * 0.7)))
@@ -111,7 +112,7 @@ def draw_target(frame: np.ndarray, renderer: Renderer, match: LiveMatch) -> None
         return
     x, y = renderer.to_picture(*match.target)
     radius = 0.35 * match.spec.paddle_radius * renderer.scale
-    raster.ring(frame, x, y, radius, max(1.5, 0.2 * radius), 1.0, LEFT, 0.75)
+    raster.ring(frame, x, y, radius, max(1.5, 0.2 * radius), 1.0, COLORS.left, 0.75)
 
 
 class MatchWindow:

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from agents.human.sounds import Sounds, synthesise
-from airhockey_env.drawing import render
+from airhockey_env.drawing.palette import COLORS, Color
 from airhockey_env.drawing.render import Renderer
 from airhockey_env.kernel.state import PUCK, RIGHT
 from airhockey_env.live.match import KINDS, START_PAUSE, Event, LiveMatch
@@ -99,7 +99,7 @@ def pygame(monkeypatch: pytest.MonkeyPatch) -> Iterator[object]:
 def assert_paddle(frame: np.ndarray, pixel: tuple[int, int], radius: float) -> None:
     """The left paddle's middle is at a pixel: its colour all around, and the table's beyond."""
     for angle in np.linspace(0.0, 2.0 * math.pi, 8, endpoint=False):
-        for share, color in ((0.62, render.LEFT), (1.7, render.SURFACE)):
+        for share, color in ((0.62, COLORS.left), (1.7, COLORS.surface)):
             x = round(pixel[0] + share * radius * math.cos(angle))
             y = round(pixel[1] + share * radius * math.sin(angle))
             # Markings and air holes are on the table too: the difference from the paddle's colour is far larger.
@@ -107,7 +107,7 @@ def assert_paddle(frame: np.ndarray, pixel: tuple[int, int], radius: float) -> N
             assert far < 90, (share, angle, frame[y, x])
 
 
-def is_like(picture: np.ndarray, color: render.Color) -> np.ndarray:
+def is_like(picture: np.ndarray, color: Color) -> np.ndarray:
     """Which pixels have a colour, but for what rounding does to letters."""
     return np.abs(picture.astype(int) - color).max(axis=2) <= 5
 
@@ -143,7 +143,7 @@ def test_a_turn_in_a_window(pygame) -> None:
     table.turn(begun + 1.05)
     assert match.over and match.score == (1, 0)
     over = picture()
-    assert is_like(over[60:140, 250:390], render.LEFT_LIGHT).any()  # "You win"
+    assert is_like(over[60:140, 250:390], COLORS.left_light).any()  # "You win"
     pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=pygame.K_r))
     table.turn(begun + 1.1)
     assert not match.over and match.notice == "start" and match.score == (0, 0)
@@ -332,7 +332,7 @@ def test_a_real_window_and_a_real_mouse(screen: Screen) -> None:
         return True
 
     def has_banner() -> bool:
-        return bool(is_like(screen.picture()[120:260, 300:660], render.WHITE).any())
+        return bool(is_like(screen.picture()[120:260, 300:660], COLORS.white).any())
 
     def lives() -> bool:
         return process.poll() is None
