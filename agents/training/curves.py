@@ -7,11 +7,26 @@ from pathlib import Path
 from typing import Any
 
 from agents.files import COUNT, TEXT, read_json
-from agents.plots import from_zero, plain, save_figure, steps_unit, time_unit, with_interval
+from agents.plots import (
+    BLUE,
+    GREEN,
+    INK,
+    ORANGE,
+    PINK,
+    RED,
+    RULE,
+    from_zero,
+    new_figure,
+    plain,
+    save_figure,
+    steps_unit,
+    time_unit,
+    with_interval,
+)
 from agents.tables import print_table
 from agents.training.runs import EVALUATION, RunFolder
 
-COLORS = ("#2f6fdd", "#e5395b", "#1f9d72", "#b0721f", "#7a4fd0", "#3a4152")
+COLORS = (BLUE, RED, GREEN, ORANGE, PINK, INK)
 
 
 def read_runs(names: Sequence[str]) -> dict[str, dict[str, Any]]:
@@ -55,10 +70,9 @@ def print_curves(runs: dict[str, dict[str, Any]]) -> None:
 
 def draw_curves(runs: dict[str, dict[str, Any]], path: Path) -> None:
     """Draw the share of decided points won, with its 95 % interval, and that of draws: by steps and by minutes."""
-    from matplotlib.figure import Figure
     from matplotlib.ticker import PercentFormatter
 
-    figure = Figure(figsize=(11, 4.2), layout="constrained")
+    figure = new_figure(11, 4.2)
     axes = figure.subplots(1, 2, sharey=True)
     opponents = sorted({run["opponent"] for run in runs.values()})
     second, times = time_unit(max(row["seconds"] for run in runs.values() for row in run["evaluations"]))
@@ -79,7 +93,7 @@ def draw_curves(runs: dict[str, dict[str, Any]], path: Path) -> None:
         axis.set(xlabel=label, ylim=(0, 1))
         from_zero(axis, max(row[key] / scale for run in runs.values() for row in run["evaluations"]))
         axis.yaxis.set_major_formatter(PercentFormatter(1.0))
-        axis.axhline(0.9, color="#c9ccd4", linewidth=1, zorder=0)
+        axis.axhline(0.9, color=RULE, linewidth=1, zorder=0)
         plain(axis)
     axes[0].set(title=f"Decided points won against {' and '.join(opponents)} (dotted: draws)")
     axes[0].title.set_size(11)

@@ -8,7 +8,19 @@ from pathlib import Path
 from typing import Any
 
 from agents.measuring.evaluation import Result, TaskResult, wilson_interval
-from agents.plots import from_zero, plain, save_figure, steps_unit, time_unit, with_interval
+from agents.plots import (
+    BLUE,
+    GREY,
+    RED,
+    RULE,
+    from_zero,
+    new_figure,
+    plain,
+    save_figure,
+    steps_unit,
+    time_unit,
+    with_interval,
+)
 from agents.tables import print_table
 
 
@@ -44,10 +56,9 @@ def _share(wins: int, points: int) -> str:
 
 def draw_training(history: dict[str, Any], opponent: str, path: Path) -> None:
     """Draw the run: win rate with its interval, length of episodes, entropy, and speed."""
-    from matplotlib.figure import Figure
 
     evaluations, updates = history["evaluations"], history["updates"]
-    figure = Figure(figsize=(11, 6.5), layout="constrained")
+    figure = new_figure(11, 6.5)
     axes = figure.subplots(2, 2)
 
     scale, unit = time_unit(max((row["seconds"] for row in evaluations), default=0.0))
@@ -55,14 +66,14 @@ def draw_training(history: dict[str, Any], opponent: str, path: Path) -> None:
     axis = axes[0, 0]
     nan = math.nan  # what JSON keeps as null
     for key, label, color in (
-        ("decided_win_rate", "of decided points", "#e5395b"),
-        ("win_rate", "of all points", "#2f6fdd"),
+        ("decided_win_rate", "of decided points", RED),
+        ("win_rate", "of all points", BLUE),
     ):
         shares = [nan if row[key] is None else row[key] for row in evaluations]
         with_interval(axis, times, shares, [row[f"{key}_95"] for row in evaluations], color, label)
     draws = [row["draws"] / row["points"] for row in evaluations]
-    axis.plot(times, draws, color="#8a8f9c", label="draws by time", linestyle="--", marker=".")
-    axis.axhline(0.5, color="#c9ccd4", linewidth=1, zorder=0)
+    axis.plot(times, draws, color=GREY, label="draws by time", linestyle="--", marker=".")
+    axis.axhline(0.5, color=RULE, linewidth=1, zorder=0)
     axis.set(title=f"Wins against {opponent}, 95 % interval", xlabel=unit, ylim=(0, 1))
     from_zero(axis, max(times, default=0.0))
     axis.legend(frameon=False, loc="best")
@@ -78,21 +89,19 @@ def draw_training(history: dict[str, Any], opponent: str, path: Path) -> None:
         (axes[1, 0], entropies, "Entropy of the policy, nats"),
         (axes[1, 1], _speed(updates), "Training speed, thousand steps/s"),
     ):
-        axis.plot(done, values, color="#2f6fdd", marker=dot)
+        axis.plot(done, values, color=BLUE, marker=dot)
         axis.set(title=title, xlabel=steps)
         from_zero(axis, most / scale)
         axis.ticklabel_format(axis="y", useOffset=False)
         if not any(math.isfinite(value) for value in values):
             axis.set_yticks([])
-            axis.text(0.5, 0.5, "not measured yet", transform=axis.transAxes, ha="center", color="#8a8f9c")
+            axis.text(0.5, 0.5, "not measured yet", transform=axis.transAxes, ha="center", color=GREY)
         elif axis is not axes[1, 0]:
             axis.set_ylim(0.0, 1.1 * max(value for value in values if math.isfinite(value)))
         else:
             axis.margins(y=0.2)
         if history.get("practice"):
-            axis.axvline(
-                history["practice"] / scale, color="#8a8f9c", linewidth=1, linestyle=":", label="end of practice"
-            )
+            axis.axvline(history["practice"] / scale, color=GREY, linewidth=1, linestyle=":", label="end of practice")
     if history.get("practice"):
         axes[0, 1].legend(frameon=False)
     for axis in axes.flat:
