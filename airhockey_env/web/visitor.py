@@ -1,0 +1,104 @@
+"""One visitor: a socket, and the session behind it."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from concurrent.futures import Executor
+from typing import Any
+
+from aiohttp import WSCloseCode, WSMsgType, web
+
+from airhockey_env.version import __version__
+from airhockey_env.web.catalogue import Catalogue
+from airhockey_env.web.limits import Allowance, Limits
+from airhockey_env.web.messages import Refused, encode
+from airhockey_env.web.sessions import Session
+
+_log = logging.getLogger(__name__)
+
+_ENDINGS = (WSMsgType.CLOSE, WSMsgType.CLOSING, WSMsgType.CLOSED, WSMsgType.ERROR)
+
+
+class Visitor:
+    """Reads the messages of one page, one after the other, and answers them.
+
+    A visitor that is slow to read, to write or to be answered waits alone: nothing in here is shared.
+
+    Args:
+        request: the one that the socket belongs to.
+        socket: open.
+        limits: what the visitor may use.
+        jobs: does what takes long.
+    """
+
+    def __init__(self, request: web.Request, socket: web.WebSocketResponse, limits: Limits, jobs: Executor) -> None:
+        self._request, self._socket, self._limits, self._jobs = request, socket, limits, jobs
+
+    async def serve(self, kind: type[Session], catalogue: Catalogue) -> None:
+        """Serve a session of this kind until it ends, whatever ends it."""
+        try:
+            session = kind(catalogue, self._limits)
+            await self._send({"type": "hello", "version": __version__, **catalogue.as_dict()})
+            await self._converse(session)
+        except Refused as error:
+            await self.end(WSCloseCode.POLICY_VIOLATION, str(error))
+        except ConnectionError:  # the page is gone
+            self._abort()
+        except Exception:
+            _log.exception("a session has failed")
+            await self.end(WSCloseCode.INTERNAL_ERROR, "the server has made a mistake; its log says which")
+
+    async def end(self, code: int, reason: str) -> None:
+        """Tell the page why its session ends, and end it."""
+        try:
+            await self._send({"type": "end", "reason": reason})
+            await self._socket.close(code=code, message=reason.encode()[:120])  # a close frame holds 123 bytes
+        except (ConnectionError, RuntimeError):
+            self._abort()
+
+    async def _converse(self, session: Session) -> None:
+        limits = self._limits
+        messages = Allowance(limits.messages, limits.burst)
+        work = Allowance(limits.share, limits.share_burst)
+        ends = time.perf_counter() + limits.idle_seconds
+        while True:
+            try:
+                message = await self._socket.receive(max(0.001, ends - time.perf_counter()))
+            except asyncio.TimeoutError:
+                raise Refused(f"the page has said nothing for {limits.idle_seconds:g} s") from None
+            if message.type in _ENDINGS:
+                return
+            now = time.perf_counter()
+            if messages.spend(1.0, now) > 0.0:
+                raise Refused(f"the page has sent more than {limits.messages:g} messages a second")
+            if message.type == WSMsgType.PING:
+                await self._socket.pong(message.data)
+            elif message.type == WSMsgType.BINARY:
+                raise Refused("a message must be a text")
+            elif message.type == WSMsgType.TEXT:
+                ends = now + limits.idle_seconds
+                answer = session.answer(message.data, now)
+                if callable(answer):
+                    answer = await asyncio.get_running_loop().run_in_executor(self._jobs, answer)
+                worked = time.perf_counter()
+                if answer is not None:
+                    await self._send(answer)
+                await asyncio.sleep(work.spend(worked - now, worked))  # 0 s too: so that the others have their turn
+
+    async def _send(self, answer: dict[str, Any] | bytes) -> None:
+        """Send an answer; a page that does not take it in time is dropped."""
+        late = asyncio.get_running_loop().call_later(self._limits.send_seconds, self._abort)
+        try:
+            if isinstance(answer, bytes):
+                await self._socket.send_bytes(answer)
+            else:
+                await self._socket.send_str(encode(answer))
+        finally:
+            late.cancel()
+
+    def _abort(self) -> None:
+        """Close the connection without waiting for what is left to be sent."""
+        if self._request.transport is not None:
+            self._request.transport.abort()
