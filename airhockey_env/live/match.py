@@ -54,6 +54,19 @@ class Event(NamedTuple):
     x: float = 0.0  # m, where along the table
 
 
+class Contact(NamedTuple):
+    """A contact, as the engine reports it, at its time in the match."""
+
+    time: float  # s of play since the match began
+    a: int  # disc: LEFT, RIGHT or PUCK
+    b: int  # disc; -1 for a wall or post
+    x: float  # m, where they touch
+    y: float
+    nx: float  # unit normal as seen from b: it points at a
+    ny: float
+    impulse: float  # N s along the normal, on a
+
+
 KINDS = ("paddle", "wall", "goal", "conceded", "foul", "won", "lost")
 
 
@@ -109,6 +122,10 @@ class LiveMatch:
     """The game on one table that is played."""
     positions: NDArray[np.float64]
     """(3, 2) m: left paddle, right paddle, puck, as they are to be drawn."""
+    contacts: list[Contact]
+    """Those of the steps that the last `advance` has played, in order."""
+    elapsed: float
+    """s of play from the beginning of the match to what `positions` show."""
     resting: bool
     """Whether the game rests: before a serve, while it is paused, or because the match is over."""
     notice: str
@@ -171,7 +188,8 @@ class LiveMatch:
         self._pointer = Pointer()
         self._played = now  # the time on the wall up to which the game has been played
         self._before = self._state()
-        self.positions = self._before
+        self._bends: list[Contact] = []  # the puck's contacts in the last step: its way bends there
+        self.positions, self.contacts, self.elapsed = self._before, [], 0.0
         self._shown_score, self._shown_clock = self._now_score(), self._now_clock()
         self._rest(now, START_PAUSE, "start")
 
@@ -232,9 +250,10 @@ class LiveMatch:
         if pointer is not None:
             self._pointer.move(now, pointer)
         events: list[Event] = []
+        self.contacts = []
         if self.resting and not self.over and now >= self._rest_until:
             self._played = max(self._played, self._rest_until)
-            self._before = self._state()
+            self._before, self._bends = self._state(), []
             self.resting, self.notice = False, ""
         self._played = max(self._played, now - MOST_BEHIND)
         while not self.resting and now - self._played >= self._tick:
@@ -243,6 +262,9 @@ class LiveMatch:
         if not self.resting:
             share = (now - self._played) / self._tick
             self.positions = self._before + share * (self._state() - self._before)
+            self.elapsed = max(0.0, (int(self._table["steps"]) - 1 + share) * self._tick)
+            if self._bends:
+                self.positions[PUCK] = self._puck_at(self.elapsed)
             self._shown_score, self._shown_clock = self._now_score(), self._now_clock()
         return events
 
@@ -254,10 +276,12 @@ class LiveMatch:
         game.step(left, right)
         if self._recording is not None:
             self._recording.add(left[0], right[0])
-        for contact in game.out.contacts[0, : int(table["n_contacts"])]:
-            kind = "wall" if contact["b"] < 0 else "paddle"
-            speed = abs(float(contact["impulse"])) / (self.spec.puck_mass * self.spec.puck_speed)
-            events.append(Event(kind, min(speed, 1.0), float(contact["x"])))
+        self._bends = self._contacts_of_the_step()
+        self.contacts += self._bends
+        for contact in self._bends:
+            kind = "wall" if contact.b < 0 else "paddle"
+            speed = abs(contact.impulse) / (self.spec.puck_mass * self.spec.puck_speed)
+            events.append(Event(kind, min(speed, 1.0), contact.x))
         if self._now_score() != score:
             won = self._now_score()[0] > score[0]
             if self.over:
@@ -266,6 +290,26 @@ class LiveMatch:
                 self._stop(events, POINT_PAUSE, "goal" if won else "conceded", velocity)
         elif game.out.foul[0]:
             self._stop(events, FOUL_PAUSE, "foul", velocity)
+
+    def _contacts_of_the_step(self) -> list[Contact]:
+        """All of them are the puck's: paddles touch nothing else."""
+        count = int(self._table["n_contacts"])
+        if not count:
+            return []
+        begin = (int(self._table["steps"]) - 1) * self._tick
+        found = (Contact(*contact) for contact in self.game.out.contacts[0, :count].tolist())
+        return [contact._replace(time=begin + contact.time) for contact in found]
+
+    def _puck_at(self, time: float) -> tuple[float, float]:
+        """Where the puck was in the last step, (2,) m: on straight lines from contact to contact."""
+        begin = (int(self._table["steps"]) - 1) * self._tick
+        corners = [(begin, *self._before[PUCK]), (begin + self._tick, *self._table["position"][PUCK])]
+        for contact in self._bends:
+            away = self.spec.puck_radius if contact.a == PUCK else -self.spec.puck_radius  # the normal points at a
+            corners.insert(-1, (contact.time, contact.x + away * contact.nx, contact.y + away * contact.ny))
+        times, *places = zip(*corners, strict=True)
+        x, y = (float(np.interp(time, times, place)) for place in places)
+        return x, y
 
     def _actions_of(self, seat: int) -> NDArray[np.float32]:
         """What the player at a seat does in the tick that ends at `_played`, (1, 2)."""
@@ -289,6 +333,7 @@ class LiveMatch:
 
     def _stop(self, events: list[Event], seconds: float, notice: str, velocity: NDArray[np.float64]) -> None:
         """Rest on a picture of what ended the rally; the table may have been laid for the serve already."""
+        self._bends = []
         self.positions = self._before + velocity * self._tick
         line = 0.5 * self.spec.length
         self.positions[PUCK, 0] = min(max(self.positions[PUCK, 0], -line), line)

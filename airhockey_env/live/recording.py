@@ -34,10 +34,10 @@ class Recording:
         self._left, self._right = array("f"), array("f")
 
     def add(self, left: NDArray[np.float32], right: NDArray[np.float32]) -> None:
-        """Note the actions (2,) of the step that was just played."""
+        """Note the actions (2,), float32, of the step that was just played."""
         if len(self._left) < 2 * self._limit:
-            self._left.extend(left)
-            self._right.extend(right)
+            self._left.frombytes(left.tobytes())
+            self._right.frombytes(right.tobytes())
             if len(self._left) == 2 * self._limit:
                 self._end = self._game.get_state()
 

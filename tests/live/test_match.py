@@ -290,6 +290,27 @@ def test_hits_are_reported_with_their_strength() -> None:
     assert event.strength == pytest.approx(expected, rel=0.02)
 
 
+def test_contacts_are_the_engines_and_the_puck_bends_where_they_are() -> None:
+    match = begun()
+    wall = 0.5 * FULL_SIZE.width - FULL_SIZE.puck_radius
+    match._table["position"][PUCK] = (0.5, wall - 4.3 * TICK)
+    match._table["velocity"][PUCK] = (0.0, 2.0)
+    heights = {}
+    contacts = []
+    for k in range(1, 61):
+        match.advance(BEGUN + 0.1 * k * TICK, None)
+        heights[match.elapsed] = float(match.positions[PUCK, 1])
+        contacts += match.contacts
+    (contact,) = contacts
+    assert contact.a == PUCK and contact.b == -1 and (contact.nx, contact.ny) == (0.0, -1.0)
+    assert contact.time == pytest.approx(2.15 * TICK, rel=1e-3)
+    assert contact.x == 0.5 and contact.y == pytest.approx(0.5 * FULL_SIZE.width)
+    assert contact.impulse == pytest.approx(2.0 * FULL_SIZE.puck_mass * (1.0 + FULL_SIZE.wall_restitution), rel=0.02)
+    for time, height in heights.items():
+        back = 2.0 if time < contact.time else FULL_SIZE.wall_restitution * 2.0
+        assert height == pytest.approx(wall - back * abs(time - contact.time), abs=2e-4), time
+
+
 @pytest.mark.parametrize(("side", "kind"), [(1, "won"), (-1, "lost")])
 def test_the_end_of_a_match_and_another(side: int, kind: str) -> None:
     match = begun(points=2)
