@@ -19,7 +19,7 @@ from airhockey_env.game import OBS_TYPES, Game
 from airhockey_env.kernel.state import OBSERVATION_SIZE
 from airhockey_env.opponents.players import NAMES
 from airhockey_env.opponents.policy import MlpPolicy
-from airhockey_env.opponents.trained import resolved
+from airhockey_env.opponents.trained import TRAINED, trained_policy
 from airhockey_env.spaces import DIRECTIONS
 
 Policy = Callable[[NDArray[np.float32]], NDArray[np.float32]]
@@ -63,8 +63,8 @@ class ModelPlayer:
         self.answer, self.obs_type, self.frames = answer, obs_type, frames
 
 
-class Seat:
-    """A `ModelPlayer` at the tables of one game: a `Policy` for this game alone, since it remembers what it has seen.
+class ModelPolicy:
+    """A `ModelPlayer` in one game: a `Policy` for this game alone, since it remembers what it has seen.
 
     Attributes:
         seen: (N, ...) what the network was given last.
@@ -88,7 +88,7 @@ class Seat:
     def __call__(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
         """Actions (N, 2) for the states (N, 13) of all tables, in every step once."""
         assert self._game is not None, "join a game first"
-        new = self._shown(observations, self._game)
+        new = self._observed(observations, self._game)
         if self.player.frames == 1:
             self.seen = new
         else:
@@ -96,19 +96,19 @@ class Seat:
             before = np.zeros_like(np.repeat(new, self.player.frames - 1, axis=1))
             if self.seen is not None:
                 before = self.seen[:, width:].copy()
-                before[self._game.tables["steps"] == 0] = 0  # an episode has begun
+                before[self._game.out.began] = 0
             self.seen = np.concatenate([before, new], axis=1)
         parts = [self.player.answer(self.seen[k : k + _AT_ONCE]) for k in range(0, len(new), _AT_ONCE)]
         actions = np.concatenate(parts)
         return actions.astype(np.float32) if actions.ndim == 2 else DIRECTIONS[actions]
 
-    def _shown(self, observations: NDArray[np.float32], game: Game) -> NDArray[Any]:
+    def _observed(self, observations: NDArray[np.float32], game: Game) -> NDArray[Any]:
         """States (N, 13), or pictures (N, channels, 84, 84)."""
         if self._pixels is None:
             return observations.copy()
         frames = self._pixels.blank(len(observations))
-        background = self._pixels.background(game.physics)
-        self._pixels.draw(0, len(observations), observations, game.physics, background, frames)
+        background = self._pixels.background(game.parameters)
+        self._pixels.draw(0, len(observations), observations, game.parameters, background, frames)
         return np.ascontiguousarray(frames.transpose(0, 3, 1, 2))
 
 
@@ -116,15 +116,15 @@ Player = Policy | ModelPlayer | str
 """Who plays: a policy, a model, or a named opponent's name."""
 
 
-def seated(player: Player) -> Policy | str:
+def in_one_game(player: Player) -> Policy | str:
     """A player for one game: what `Game` takes. Let it `join` the game before that begins."""
-    return Seat(player) if isinstance(player, ModelPlayer) else resolved(player)
+    return ModelPolicy(player) if isinstance(player, ModelPlayer) else player
 
 
 def join(game: Game, *players: Policy | str) -> None:
-    """Let those who were `seated` play in this game."""
+    """Let players that `in_one_game` made play in this game."""
     for player in players:
-        if isinstance(player, Seat):
+        if isinstance(player, ModelPolicy):
             player.join(game)
 
 
@@ -189,7 +189,7 @@ def load_player(model: str, option: str = "MODEL", *, trust: bool = False) -> Pl
         ValueError: the file holds no player of this game, or needs `trust`.
     """
     if model in NAMES:
-        return resolved(model)
+        return trained_policy(model) if model in TRAINED else model
     path = Path(model)
     if not path.exists() and (Path("runs") / model).is_dir():
         path = Path("runs") / model

@@ -10,13 +10,12 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
-from agents.models import Player, join, seated
+from agents.models import Player, in_one_game, join
 from agents.seeding import table_seeds
 from airhockey_env._base import draw_row
 from airhockey_env.drawing.render import Renderer
 from airhockey_env.files import replace
 from airhockey_env.game import Game
-from airhockey_env.kernel.state import AUTORESET_NEXT_STEP
 from airhockey_env.kernel.tasks import TASKS
 
 SUFFIXES = (".gif", ".mp4")
@@ -41,30 +40,25 @@ def frames_of_play(
         task: a key of `TASKS`.
     """
     control_hz = 50.0
-    own, other = seated(player), seated(opponent)
+    left, right = in_one_game(player), in_one_game(opponent)
     game = Game(
         1,
         task=task,
-        player=own if isinstance(own, str) else None,
-        opponent=other if isinstance(other, str) else None,
+        left=left,
+        right=right,
         max_episode_steps=TASKS[task].max_episode_steps,
-        autoreset=AUTORESET_NEXT_STEP,
         control_hz=control_hz,
         table=table,
     )
-    join(game, own, other)
-    game.seed(table_seeds("video", seed, 1))
-    game.reset()
+    join(game, left, right)
+    game.reset(table_seeds("video", seed, 1))
     renderer = Renderer(game.spec, size)
-    still = np.zeros((1, 2), np.float32)
     shown = 0.0
     for step in range(round(seconds * control_hz)):
         if step >= shown:
             yield draw_row(renderer, game, 0)
             shown += control_hz / fps
-        left = still if isinstance(own, str) else game.check_actions(own(game.out.observation))
-        right = still if isinstance(other, str) else game.check_actions(other(game.out.other_observation))
-        game.step(left, right)
+        game.step()
 
 
 def write_video(path: Path, frames: Iterator[NDArray[np.uint8]], fps: int = 25) -> None:

@@ -1,7 +1,7 @@
-"""What the faces have in common: a game, its geometry, its states, and pictures of it.
+"""What the environments have in common: a game, its geometry, its states, and pictures of it.
 
-`TableFace` is for faces that show one table, `BatchFace` for those that show many. Each face adds the interface that is
-its library's own.
+`TableEnv` is for those with one table, `BatchEnv` for those with many. Each environment adds the interface that is its
+library's own.
 """
 
 from __future__ import annotations
@@ -14,17 +14,25 @@ from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env.drawing.window import human_window, import_pygame
 from airhockey_env.game import Game
+from airhockey_env.kernel.state import LEFT, RIGHT
+from airhockey_env.opponents.players import Player, Policy
+from airhockey_env.opponents.pool import Pool
 from airhockey_env.tables import TableSpec
-from airhockey_env.threads import one_at_a_time
+from airhockey_env.threads import Threads, one_at_a_time
 
 
-class Face:
+class GameEnv:
     """A game, and how it is drawn."""
 
     metadata: dict[str, Any]
 
-    def _show(self, game: Game, render_mode: str | None, render_size: tuple[int, int] | None) -> None:
-        """Be a face of this game.
+    _one_table = False
+    """Whether actions come without an axis of tables."""
+
+    def _set_up(
+        self, game: Game, render_mode: str | None, render_size: tuple[int, int] | None, names: tuple[str, str]
+    ) -> None:
+        """Be an environment of this game, whose errors call the left player's and the right player's part so.
 
         Raises:
             ValueError: the class's metadata do not have this mode, or the size is no size.
@@ -35,15 +43,20 @@ class Face:
         if render_mode == "human":
             import_pygame()  # or say what is missing
         self._game = game
+        game.one_table, game.action_names, game.pools[RIGHT].name = self._one_table, names, names[1]
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": round(game.control_hz)}
         self._renderer = None if render_mode is None else make_renderer(game.spec, render_size)
-        self._seeded = False
+
+    @property
+    def _threads(self) -> Threads:
+        return self._game._threads
 
 
-class TableFace(Face):
+class TableEnv(GameEnv):
     """What `AirHockeyEnv` and `AirHockeyParallelEnv` have in common."""
 
+    _one_table = True
     _window: Any = None
 
     @property
@@ -54,12 +67,12 @@ class TableFace(Face):
     @property
     def positions(self) -> NDArray[np.float64]:
         """(3, 2) m, a copy: left paddle, right paddle, puck; centred on the table, x along its length."""
-        return self._game.tables["position"][0].copy()
+        return self._game.positions[0]
 
     @property
     def velocities(self) -> NDArray[np.float64]:
         """(3, 2) m/s, a copy: left paddle, right paddle, puck."""
-        return self._game.tables["velocity"][0].copy()
+        return self._game.velocities[0]
 
     @property
     def contacts(self) -> NDArray[np.void]:
@@ -84,7 +97,6 @@ class TableFace(Face):
             ValueError: not such a state. Nothing has changed then.
         """
         self._game.set_state(state)
-        self._seeded = True
 
     @one_at_a_time
     def render(self) -> NDArray[np.uint8] | None:
@@ -111,15 +123,54 @@ class TableFace(Face):
         game = self._game
         info: dict[str, Any] = {"score": score, "foul": game.out.foul.item(), "is_success": success}
         if game.randomized:
-            info["table"] = {name: value[0] for name, value in game.drawn().items()}
+            info["table"] = {name: value[0] for name, value in game.randomized_values().items()}
         return info
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_window": None}  # a copy opens its own
 
 
-class BatchFace(Face):
-    """What `AirHockeyVectorEnv` and `AirHockeySB3VecEnv` have in common, besides `OpponentPool`."""
+class BatchEnv(GameEnv):
+    """What `AirHockeyVectorEnv` and `AirHockeySB3VecEnv` have in common.
+
+    `opponent` may be a sequence of players, whose members share the tables: see `pool`.
+    """
+
+    @property
+    def pool(self) -> Pool:
+        """The opponents, who can be changed while playing: see `airhockey_env.opponents.pool.Pool`."""
+        return self._game.pools[RIGHT]
+
+    @property
+    def opponents(self) -> tuple[str | Policy, ...]:
+        """As `pool.members`."""
+        return self.pool.members
+
+    @property
+    def opponent_indices(self) -> NDArray[np.int64]:
+        """As `pool.indices`."""
+        return self.pool.indices
+
+    @property
+    def opponent_skill(self) -> NDArray[np.float64]:
+        """As `pool.skill`."""
+        return self.pool.skill
+
+    def set_opponents(self, indices: ArrayLike, tables: ArrayLike | None = None) -> None:
+        """As `pool.assign`."""
+        self.pool.assign(indices, tables)
+
+    def set_opponent(self, index: int, opponent: Player) -> None:
+        """As `pool.replace`."""
+        self.pool.replace(index, opponent)
+
+    def add_opponent(self, opponent: Player) -> int:
+        """As `pool.add`."""
+        return self.pool.add(opponent)
+
+    def set_opponent_skill(self, skill: ArrayLike, tables: ArrayLike | None = None) -> None:
+        """As `pool.set_skill`."""
+        self.pool.set_skill(skill, tables)
 
     @property
     def table(self) -> TableSpec | tuple[TableSpec, ...]:
@@ -130,12 +181,12 @@ class BatchFace(Face):
     @property
     def positions(self) -> NDArray[np.float64]:
         """(num_envs, 3, 2) m, a copy: left paddle, right paddle, puck."""
-        return self._game.tables["position"].copy()
+        return self._game.positions
 
     @property
     def velocities(self) -> NDArray[np.float64]:
         """(num_envs, 3, 2) m/s, a copy: left paddle, right paddle, puck."""
-        return self._game.tables["velocity"].copy()
+        return self._game.velocities
 
     @property
     def contacts(self) -> NDArray[np.void]:
@@ -175,7 +226,6 @@ class BatchFace(Face):
             ValueError: there are no such tables, or not states of as many. Nothing has changed then.
         """
         self._game.set_state(state, indices)
-        self._seeded = True
 
     @one_at_a_time
     def observe(self, indices: ArrayLike | None = None) -> NDArray[Any]:
@@ -193,7 +243,7 @@ class BatchFace(Face):
         game = self._game
         rows = game.check_rows(indices, "indices", repeated=True)
         game.check_begun(rows)
-        return game.observations() if indices is None else game.shown(game.out.observation[rows], rows)
+        return game.observations() if indices is None else game.as_observations(game.out.observation[LEFT][rows], rows)
 
     def _render_row(self, row: int) -> Any:
         """What is rendered of one table, or None without a render_mode."""
@@ -217,8 +267,8 @@ def make_renderer(spec: TableSpec, size: tuple[int, int] | None) -> Any:
 
 def draw_row(renderer: Any, game: Game, i: int) -> NDArray[np.uint8]:
     """The picture of table i of a game."""
-    table, spec = game.tables[i], game.table_of(i)
-    if renderer.table != spec:  # drawn anew for this episode
+    spec = game.table_of(i)
+    if renderer.table != spec:  # drawn for this episode
         renderer = make_renderer(spec, renderer.size)
-    clock = int(table["side"]) * int(table["clock"]) / int(game.physics["clock_limit"][0])
-    return renderer.draw(table["position"], score=tuple(table["score"].tolist()), clock=clock)
+    clock = int(game.states["side"][i]) * float(game.shot_clock[i])
+    return renderer.draw(game.states["position"][i], score=tuple(game.out.score[i].tolist()), clock=clock)

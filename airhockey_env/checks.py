@@ -88,16 +88,16 @@ def check_rows(name: str, tables: ArrayLike, n: int, repeated: bool = False) -> 
     return given.astype(np.int64)
 
 
-def check_skill(skill: ArrayLike, num_tables: int) -> NDArray[np.float64] | float:
+def check_skill(skill: ArrayLike, num_tables: int, name: str = "opponent_skill") -> NDArray[np.float64] | float:
     """A skill for all tables, or one for each."""
     try:
         skills = np.asarray(skill)
     except ValueError:  # lists of different lengths
         skills = np.array([None])
     if skills.ndim == 0:
-        return check_number("opponent_skill", skill, 0.0, 1.0)
+        return check_number(name, skill, 0.0, 1.0)
     if skills.shape != (num_tables,) or skills.dtype.kind not in "fiu" or not ((skills >= 0) & (skills <= 1)).all():
-        raise ValueError(f"opponent_skill must be from 0 to 1, one number or one for each table, got {skill!r}")
+        raise ValueError(f"{name} must be from 0 to 1, one number or one for each table, got {skill!r}")
     return skills.astype(np.float64)
 
 

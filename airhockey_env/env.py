@@ -6,18 +6,25 @@ from collections.abc import Mapping
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from airhockey_env._base import TableFace
+from airhockey_env._base import TableEnv
+from airhockey_env.cameras import Camera
 from airhockey_env.checks import NO_LIMIT, check_number, check_seed
 from airhockey_env.game import Game
-from airhockey_env.opponents.players import Opponent, check_opponent
+from airhockey_env.kernel.state import LEFT, RIGHT
+from airhockey_env.opponents.players import Player, resolve_players
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.tables import TableSpec
 from airhockey_env.threads import one_at_a_time
 
+_ONLY = np.zeros(1, np.int64)
+"""The number of the one table."""
 
-class AirHockeyEnv(TableFace, gym.Env):
+
+class AirHockeyEnv(TableEnv, gym.Env):
     """
     ## Description
     Air hockey against an opponent, on an exact physics engine: within a control step every contact of puck, paddles,
@@ -131,6 +138,7 @@ class AirHockeyEnv(TableFace, gym.Env):
     | `reward` | `"sparse"` or `"shaped"` | `"sparse"` |
     | `control_hz` | 10 to 240: control steps per second | 50 |
     | `randomize` | None, or a mapping from `TableSpec` fields to (low, high): drawn anew for every episode | None |
+    | `camera` | None for exact states; `"robot"`, a `Camera` or a mapping of its fields: you see the puck and the opponent's paddle late and with noise, your own paddle and the clock exactly; opponents see exact states; see `airhockey_env.cameras` | None |
     | `max_episode_steps` | steps after which an episode is truncated; None: those of the task's id, see above; -1: no limit. `gymnasium.make` puts the limit into a wrapper around the environment; the class alone has none by default | -1 |
     | `render_mode` | None, `"rgb_array"`, `"human"` | None |
     | `render_size` | (width, height) px or None | None |
@@ -147,7 +155,7 @@ class AirHockeyEnv(TableFace, gym.Env):
         self,
         *,
         task: str = "point",
-        opponent: Opponent = "striker",
+        opponent: Player = "striker",
         opponent_skill: float = 1.0,
         table: str | TableSpec | Mapping[str, float] = "full_size",
         obs_type: str = "state",
@@ -155,6 +163,7 @@ class AirHockeyEnv(TableFace, gym.Env):
         reward: str = "sparse",
         control_hz: float = 50,
         randomize: Mapping[str, tuple[float, float]] | None = None,
+        camera: str | Camera | Mapping[str, Any] | None = None,
         max_episode_steps: int | None = NO_LIMIT,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
@@ -163,17 +172,19 @@ class AirHockeyEnv(TableFace, gym.Env):
             1,
             task=task,
             table=table,
-            opponent=check_opponent(opponent),
-            opponent_skill=opponent_skill,
+            right=resolve_players("opponent", opponent, several=False),
+            right_skill=check_number("opponent_skill", opponent_skill, 0.0, 1.0),
             obs_type=obs_type,
             continuous=continuous,
             reward=reward,
             control_hz=control_hz,
             randomize=randomize,
+            camera=(camera, None),
             max_episode_steps=max_episode_steps,
+            autoreset_mode=AutoresetMode.DISABLED,
             num_threads=1,
         )
-        self._show(game, render_mode, render_size)
+        self._set_up(game, render_mode, render_size, ("action", "opponent"))
         self.observation_space = observation_space(game.obs_type)
         self.action_space = action_space(game.continuous)
 
@@ -194,15 +205,11 @@ class AirHockeyEnv(TableFace, gym.Env):
         checked = self._game.check_reset_options(options)
         seed = None if seed is None else check_seed(seed)
         super().reset(seed=seed)
-        if seed is None and not self._seeded:
-            seed = int(self.np_random.integers(2**63))
-        if seed is not None:
-            self._game.seed([seed])
-            self._seeded = True
-        self._game.reset(options=checked)
+        self._game.seed([seed], _ONLY, lambda n: self.np_random.integers(2**63, size=n))
+        self._game.begin(_ONLY, checked)
         if self.render_mode == "human":
             self.render()
-        return self._observation(), self._info_of(self._game.tables["score"][0].copy(), False)
+        return self._observation(), self._info_of(self._game.out.score[0].copy(), False)
 
     def step(self, action: Any) -> tuple[NDArray[Any], float, bool, bool, dict[str, Any]]:
         """Play one control step.
@@ -212,18 +219,18 @@ class AirHockeyEnv(TableFace, gym.Env):
             gymnasium.error.ResetNeeded: the episode is over, or none has begun.
         """
         game = self._game
-        with game.threads.lock:  # as `one_at_a_time`, quickly
-            game.step(game.check_action(action))
+        with game._threads.lock:  # as `one_at_a_time`, quickly
+            game.step(action)
             out = game.out
             info = self._info_of(out.score[0].copy(), out.success.item())
             if self.render_mode == "human":
                 self.render()
-            return self._observation(), out.reward.item(), out.terminated.item(), out.truncated.item(), info
+            return self._observation(), out.reward[LEFT].item(), out.terminated.item(), out.truncated.item(), info
 
     @property
     def opponent_skill(self) -> float:
         """The share of its speed that a scripted opponent uses, 0 to 1; it can be set, as by `set_opponent_skill`."""
-        return float(self._game.tables["skill"][0, 1])
+        return float(self._game.pools[RIGHT].skill[0])
 
     @opponent_skill.setter
     def opponent_skill(self, skill: float) -> None:
@@ -235,7 +242,7 @@ class AirHockeyEnv(TableFace, gym.Env):
         Raises:
             ValueError: it is not a number from 0 to 1. Nothing has changed then.
         """
-        self._game.set_opponent_skill(check_number("opponent_skill", skill, 0.0, 1.0))
+        self._game.pools[RIGHT].set_skill(check_number("opponent_skill", skill, 0.0, 1.0))
 
     @one_at_a_time
     def observe(self) -> NDArray[Any]:
@@ -250,5 +257,5 @@ class AirHockeyEnv(TableFace, gym.Env):
 
     def _observation(self) -> NDArray[Any]:
         if self._game.pixels is None:  # quickly
-            return self._game.out.observation[0].copy()
+            return self._game.out.observation[LEFT, 0].copy()
         return self._game.observations()[0]

@@ -1,21 +1,24 @@
-"""The game for a number of tables: arrays in, arrays out. Every face of the package is a thin layer over this."""
+"""The game for a number of tables: arrays in, arrays out. Every environment here is a thin layer over it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
 
+from airhockey_env.cameras import Camera, resolve_camera
 from airhockey_env.checks import (
     NO_LIMIT,
     check_directions,
     check_limit,
     check_number,
     check_rows,
+    check_seed,
     check_skill,
     check_velocities,
     check_whole,
@@ -23,357 +26,250 @@ from airhockey_env.checks import (
 from airhockey_env.compiled import machine_code, records
 from airhockey_env.drawing.pixels import CHANNELS, Pixels
 from airhockey_env.engine.records import CONTACT
-from airhockey_env.kernel.parameters import FIELDS, check_ranges, physics_record, spec_of, with_spec
+from airhockey_env.kernel.camera import CameraArrays, follow_rows, make_camera, show_rows, start_rows
+from airhockey_env.kernel.outputs import Outputs, make_outputs
+from airhockey_env.kernel.parameters import FIELDS, check_ranges, make_parameters, spec_of, with_specs
 from airhockey_env.kernel.random_stream import stream_from_seed
 from airhockey_env.kernel.scripted import EXTERNAL
 from airhockey_env.kernel.state import (
     AUTORESET_DISABLED,
+    AUTORESET_NEXT_STEP,
+    AUTORESET_SAME_STEP,
     CONTACT_ROWS,
-    HOME,
     LEFT,
-    OBSERVATION_SIZE,
-    PHYSICS,
-    PUCK,
     RIGHT,
+    SEATS,
     SETTINGS,
-    TABLE,
+    STATE,
 )
 from airhockey_env.kernel.step import refresh_rows, reset_rows, step_rows
 from airhockey_env.kernel.tasks import TASKS
-from airhockey_env.opponents.players import (
-    Group,
-    Opponent,
-    Policy,
-    answers_of,
-    check_opponent,
-    groups_of,
-    member_of,
-    number_of,
-    pool_of,
-    scripted,
-)
+from airhockey_env.opponents.players import Player, resolve_players
+from airhockey_env.opponents.pool import Pool
 from airhockey_env.reset_options import SERVERS, ResetOptions, check_reset_options
+from airhockey_env.saved_states import check_state, game_state, restore, save
 from airhockey_env.tables import TableSpec, resolve_table
-from airhockey_env.threads import Threads
+from airhockey_env.threads import Threads, one_at_a_time
 
 REWARDS = ("sparse", "shaped")
 OBS_TYPES = ("state", *CHANNELS)
-CONTROL_HZ = (10, 240)
+CONTROL_RATES = (10, 240)
+"""Hz, least and greatest."""
 ROWS_PER_THREAD = 1024
 """Fewer tables than this are not worth waking a thread for."""
 PICTURES_PER_THREAD = 64
 """Nor fewer pictures than this."""
 
-RANDOMIZED_TABLE = np.dtype([("table", TABLE), ("physics", PHYSICS)])
-"""The state of a table whose physics is drawn anew for every episode."""
+_AUTORESET = {
+    AutoresetMode.DISABLED: AUTORESET_DISABLED,
+    AutoresetMode.NEXT_STEP: AUTORESET_NEXT_STEP,
+    AutoresetMode.SAME_STEP: AUTORESET_SAME_STEP,
+}
 
+Seat = Player | Sequence[Player] | None
+"""Who plays a paddle: None for the caller, a player, or a pool of players, which share the tables."""
 
-_FLOATS = tuple(name for name in TABLE.names or () if TABLE[name].base.kind == "f")
-
-
-class Outputs(NamedTuple):
-    """What the compiled step writes; allocated once."""
-
-    observation: NDArray[np.float32]  # (N, 13) of the left players
-    other_observation: NDArray[np.float32]  # (N, 13) of the right players, where these come from outside
-    final_observation: NDArray[np.float32]  # (N, 13) what an automatic reset in the same step replaced
-    score: NDArray[np.int32]  # (N, 2) left, right
-    final_score: NDArray[np.int32]  # (N, 2) what an automatic reset in the same step replaced
-    n_contacts: NDArray[np.int32]  # (N,) in the last step: the first so many of its row of `contacts`
-    point: NDArray[np.int8]  # (N,) +1 if the left player scored in the last step, -1 if the right one did, else 0
-    foul: NDArray[np.bool_]  # (N,) a shot clock ran out in the last step
-    success: NDArray[np.bool_]  # (N,) the step ended the episode with success
-    final_spec: NDArray[np.float64]  # (N, 15), where tables are drawn anew: PHYSICS' spec, likewise
-    reward: NDArray[np.float64]  # (N,)
-    other_reward: NDArray[np.float64]  # (N,) of the right players, where these come from outside
-    terminated: NDArray[np.bool_]  # (N,)
-    truncated: NDArray[np.bool_]  # (N,)
-    contacts: NDArray[np.void]  # (N, CONTACT_ROWS) CONTACT
-
+CameraLike = str | Camera | Mapping[str, Any]
 
 _step_code: list[Callable[..., None]] = []
 """The machine code of `step_rows`, once it is needed: its arguments are of the same types in every game."""
 
 
 class Game:
-    """Air hockey on `num_tables` tables at once.
+    """Air hockey on `num_tables` tables at once, for two players who can each be anybody.
 
-    The arguments are those of `AirHockeyEnv`, where they are described; this is the one place that checks them. Beyond
-    these, `player` names a scripted player for the left paddle in place of the caller's actions, and `opponent=None`
-    lets the caller play the right paddle too: its observations lie in `out.other_observation`, its rewards in
-    `out.other_reward`, its actions go to `step`.
+    ```python
+    from airhockey_env import LEFT, RIGHT, Game
 
-    Opponents stand in a pool, of one or of a sequence of them. Every table is assigned a place in it: table i has the
-    place i modulo the pool's size at first, whatever the number of tables, and `set_opponents` changes that while
-    playing. A table's state keeps the place and the skill (see `set_state`), a new episode leaves them as they are.
+    game = Game(4096, left=None, right="striker")
+    game.reset(seed=0)
+    for _ in range(100):
+        actions = 5.0 * (game.out.observation[LEFT][:, 8:10] - game.out.observation[LEFT][:, 0:2])
+        game.step(left=actions)
+    print(game.out.reward[RIGHT].sum(), game.out.foul.any())
+    ```
+
+    With `left=None, right=None` the caller plays both paddles of every table: `game.step(left=..., right=...)`.
+
+    The results of the last step or reset are in `out`, an `Outputs`, whose arrays the next one overwrites. The rules,
+    the observations (N, 13), the actions (N, 2) and the rewards are those of `AirHockeyEnv`, whose docstring is their
+    specification; each player sees the table from its own side.
+
+    Args:
+        num_tables: N, how many tables.
+        left, right: who plays each paddle: None for the caller; the name of a player (`"idle"`, `"random"`,
+            `"goalie"`, `"striker"`, and the trained `"adept"` and `"expert"`); the path of a `policy.npz` or of a run's
+            folder; a callable policy, from float32 observations (N, 13) to actions (N, 2); or a sequence of these, a
+            pool whose members share the tables: see `Pool`.
+        left_skill, right_skill: 0 to 1, the share of its paddle's speed that a scripted player uses: one number, or
+            one for each table, (N,).
+        camera: what the players see the game through: None for exact states; `"robot"`, a `Camera`, or a mapping of
+            its fields, for each of the two; or a pair (left, right) of these. Scripted players look at exact states.
+        autoreset_mode: when the next episode of a table begins: an `AutoresetMode` of Gymnasium, or its value. With
+            `DISABLED`, `reset` the tables that are done.
+        max_episode_steps: steps after which an episode is truncated; None: those of the task's id; -1: no limit.
+        points: points that win a match; None for the task's own.
+        num_threads: threads that share a large number of tables; None takes all cores that the process may use. The
+            results do not depend on it.
+        task, table, obs_type, continuous, reward, control_hz, randomize: as in `AirHockeyEnv`.
+
+    Raises:
+        ValueError: an argument is out of range. The message names it.
 
     Attributes:
-        spec: the `TableSpec` in play.
-        obs_type: what `shown` makes of observations.
-        pixels: draws them, or None.
-        tables: (N,) records of `TABLE`: the whole state.
-        out: `Outputs` of the last reset or step; overwritten by the next.
-        answers: (N, 2) actions that policies from outside gave in the last step, on the tables that they play.
-        ranges: (fields of a `TableSpec`, 2) least and greatest values of what is drawn anew, see `check_ranges`.
-        opponents: the pool, a tuple; with `opponent=None`, empty.
+        out: `Outputs` of the last step or reset.
+        pools: the pools of the left and of the right seat.
+        spec: the `TableSpec` in play; with `randomize`, the one that others are drawn around.
     """
 
     def __init__(
         self,
         num_tables: int,
         *,
+        left: Seat = None,
+        right: Seat = "striker",
+        left_skill: ArrayLike = 1.0,
+        right_skill: ArrayLike = 1.0,
+        task: str = "point",
         table: str | TableSpec | Mapping[str, float] = "full_size",
-        player: str | None = None,
-        opponent: Opponent | Sequence[Opponent] | None = "striker",
-        opponent_skill: ArrayLike = 1.0,
         obs_type: str = "state",
         continuous: bool = True,
         reward: str = "sparse",
         control_hz: float = 50,
-        task: str = "point",
+        randomize: Mapping[str, Any] | None = None,
+        camera: CameraLike | Sequence[CameraLike | None] | None = None,
         points: int | None = None,
         max_episode_steps: int | None = NO_LIMIT,
-        autoreset: int = AUTORESET_DISABLED,
-        randomize: Mapping[str, Any] | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         num_threads: int | None = None,
     ) -> None:
-        self.num_tables = check_whole("num_envs", num_tables, 1)
+        n = self.num_tables = check_whole("num_tables", num_tables, 1)
         self.spec = resolve_table(table)
-        self._left = scripted("player", player)
-        self._pool = pool_of(opponent)
-        self._two_players = opponent is None
-        if not isinstance(reward, str) or reward not in REWARDS:
-            raise ValueError(f"reward must be one of {REWARDS}, got {reward!r}")
-        if not isinstance(obs_type, str) or obs_type not in OBS_TYPES:
-            raise ValueError(f"obs_type must be one of {OBS_TYPES}, got {obs_type!r}")
-        self.obs_type = obs_type
+        self.obs_type = _choice("obs_type", obs_type, OBS_TYPES)
         self.pixels = Pixels(obs_type) if obs_type in CHANNELS else None
         if not isinstance(continuous, (bool, np.bool_)):
             raise ValueError(f"continuous must be True or False, got {continuous!r}")
         self.continuous = bool(continuous)
-        self.control_hz = check_number("control_hz", control_hz, *CONTROL_HZ)
-        skill = check_skill(opponent_skill, self.num_tables)
-        self.threads = Threads(None if num_threads is None else check_whole("num_threads", num_threads, 1))
-
+        self.control_hz = check_number("control_hz", control_hz, *CONTROL_RATES)
+        self.autoreset_mode = _autoreset_mode(autoreset_mode)
+        self._threads = Threads(None if num_threads is None else check_whole("num_threads", num_threads, 1))
         self.ranges = check_ranges(self.spec, {} if randomize is None else randomize)
         self.randomized = () if randomize is None else tuple(randomize)
-        self.physics = physics_record(self.spec, self.control_hz)
+        self.parameters = make_parameters(self.spec, self.control_hz)
         if self.randomized:
-            self.physics = np.repeat(self.physics, self.num_tables)
+            self.parameters = np.repeat(self.parameters, n)
         self.settings = records(1, SETTINGS)
-        if not isinstance(task, str) or task not in TASKS:
-            raise ValueError(f"task must be one of {sorted(TASKS)}, got {task!r}")
-        self.settings["task"] = TASKS[task].number
+        self.settings["task"] = TASKS[_choice("task", task, tuple(sorted(TASKS)))].number
         self.settings["points"] = TASKS[task].points if points is None else check_whole("points", points, 1)
         self.settings["max_steps"] = check_limit(max_episode_steps, TASKS[task].max_episode_steps)
-        self.settings["shaped"] = reward == "shaped"
-        self.settings["autoreset"] = autoreset
+        self.settings["shaped"] = _choice("reward", reward, REWARDS) == "shaped"
+        self.settings["autoreset"] = _AUTORESET[self.autoreset_mode]
         self.settings["randomized"] = bool(self.randomized)
+        self.cameras = self._make_cameras(camera)
 
-        n = self.num_tables
-        self.tables = records(n, TABLE)
-        self.tables["player"][:, LEFT] = self._left
-        self.tables["opponent"] = np.arange(n) % len(self._pool)
-        self.tables["skill"][:, 0] = 1.0
-        self.tables["skill"][:, 1] = skill
-        self.out = Outputs(
-            observation=np.zeros((n, OBSERVATION_SIZE), np.float32),
-            other_observation=np.zeros((n if self._two_players else 0, OBSERVATION_SIZE), np.float32),
-            final_observation=np.zeros((n, OBSERVATION_SIZE), np.float32),
-            score=np.zeros((n, 2), np.int32),
-            final_score=np.zeros((n, 2), np.int32),
-            n_contacts=np.zeros(n, np.int32),
-            point=np.zeros(n, np.int8),
-            foul=np.zeros(n, np.bool_),
-            success=np.zeros(n, np.bool_),
-            final_spec=np.zeros((n if self.randomized else 0, len(FIELDS)), np.float64),
-            reward=np.zeros(n, np.float64),
-            other_reward=np.zeros(n if self._two_players else 0, np.float64),
-            terminated=np.zeros(n, np.bool_),
-            truncated=np.zeros(n, np.bool_),
-            contacts=records((n, CONTACT_ROWS), CONTACT),
-        )
-        self._others = np.zeros((n, 2), np.float32)
-        self.answers = self._others
+        self.states = records(n, STATE)
+        self.states["skill"][:, LEFT] = check_skill(left_skill, n, "left_skill")
+        self.states["skill"][:, RIGHT] = check_skill(right_skill, n, "right_skill")
+        self.out: Outputs = make_outputs(n, bool(self.randomized))
+        self._drivers = np.full((2, n), EXTERNAL, np.int8)
+        self.pools = (self._make_pool("left", LEFT, left), self._make_pool("right", RIGHT, right))
+        self._no_actions = np.zeros((n, 2), np.float32)
         self._all_rows = np.arange(n)
-        self._autoreset = autoreset
+        self._observed = (False, False)  # the seats whose observations are kept
+        self._keep_observations()
         self.begun = False
-        self._groups: list[Group] | None = None
-        self._seat(self._all_rows)
+        self.seeded = False
+        self.action_names = ("left", "right")
+        """What errors call the actions of the two players."""
+        self.one_table = False
+        """Whether actions come without an axis of tables, which a game on one table needs not have."""
 
     # What a caller does -----------------------------------------------------------------------------------------
 
-    def seed(self, seeds: Sequence[int | None] | NDArray[np.int64]) -> None:
-        """Start the random stream of every table whose seed is not None anew."""
-        for i, seed in enumerate(seeds):
-            if seed is not None:
-                self.tables["stream"][i] = stream_from_seed(int(seed))
+    @one_at_a_time
+    def reset(
+        self,
+        seed: int | Sequence[int | None] | None = None,
+        tables: ArrayLike | None = None,
+        options: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Begin an episode on every table, or on some; what the players see then is in `out`.
 
-    def reset(self, rows: NDArray[np.int64] | None = None, options: ResetOptions | None = None) -> None:
-        """Begin an episode on the given tables (all by default), with checked options."""
-        rows = self._all_rows if rows is None else rows
-        options = options or ResetOptions()
-        sides = np.full(len(rows), SERVERS[options.serve], np.int64)
-        reset_rows(rows, sides, self.tables, self.physics, self.settings, self.ranges, self.out)
-        if options.puck_position is not None:
-            self.tables["position"][rows, PUCK] = options.puck_position
-            self.tables["position"][rows, LEFT] = -0.5 * HOME * self.spec.length, 0.0
-            self.tables["side"][rows] = -1 if options.puck_position[0] < 0.0 else 1
-        if options.puck_velocity is not None:
-            speed = max(math.hypot(*options.puck_velocity), 1e-300)
-            # The options were checked against the table that was asked for; a drawn one may allow less.
-            share = np.minimum(1.0, self.physics["puck_speed"][rows] / speed) if self.randomized else 1.0
-            self.tables["velocity"][rows, PUCK] = np.multiply.outer(share, options.puck_velocity)
-        if options.puck_position is not None or options.puck_velocity is not None:
-            refresh_rows(rows, self.tables, self.physics, self.settings, self.out)
-        self._note_begun()
+        Args:
+            seed: a seed for the first table, the next number for the second and so on; or one for each table (N,),
+                where None lets the table's random stream go on. Without any, the first reset draws seeds.
+            tables: (n,) numbers of tables, each once, or a mask (N,) of bool; None for all. Others keep their streams.
+            options: those of `AirHockeyEnv.reset`.
+
+        Raises:
+            ValueError: a seed, table or option is unknown or out of range. Nothing has changed then.
+        """
+        rows = self.check_rows(tables)
+        checked = self.check_reset_options(options)
+        seeds = self.check_seeds(seed)
+        self.seed(seeds, rows, lambda n: np.random.SeedSequence().generate_state(n, np.uint64))
+        self.begin(rows, checked)
+
+    @one_at_a_time
+    def step(self, left: ArrayLike | None = None, right: ArrayLike | None = None) -> None:
+        """Play one control step on all tables; the results are in `out`.
+
+        Args:
+            left, right: (N, 2) actions of the players that the caller plays, or (N,) with `continuous=False`; for a
+                seat that somebody else plays, None.
+
+        Raises:
+            ValueError: actions are missing, or there are some too many, or they have the wrong shape or are not finite.
+                Nothing has changed then.
+            gymnasium.error.ResetNeeded: no episode has begun on some table; or, with `DISABLED`, one is over.
+        """
+        left_actions, right_actions = self.check_actions(LEFT, left), self.check_actions(RIGHT, right)
+        self.play(left_actions, right_actions)
+
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """(N, 3, 2) m, a copy: left paddle, right paddle, puck; centred on the table, x along its length."""
+        return self.states["position"].copy()
+
+    @property
+    def velocities(self) -> NDArray[np.float64]:
+        """(N, 3, 2) m/s, a copy: left paddle, right paddle, puck."""
+        return self.states["velocity"].copy()
+
+    @property
+    def done(self) -> NDArray[np.bool_]:
+        """(N,) whether the episode is over and the next has not begun, a copy."""
+        return self.states["done"] != 0
+
+    @property
+    def side(self) -> NDArray[np.int32]:
+        """(N,) the side that the puck is on, -1 left, +1 right; 0 before the first episode; a copy."""
+        return self.states["side"].copy()
+
+    @property
+    def shot_clock(self) -> NDArray[np.float64]:
+        """(N,) the share of the shot clock that the side with the puck has used, 0 to 1."""
+        return self.states["clock"] / self.parameters["clock_limit"][0]
 
     def table_of(self, i: int) -> TableSpec:
         """The table in play number i."""
-        return spec_of(self.physics[i]) if self.randomized else self.spec
+        return spec_of(self.parameters[i]) if self.randomized else self.spec
 
-    def drawn(self, final: bool = False) -> dict[str, NDArray[np.float64]]:
+    def randomized_values(self, final: bool = False) -> dict[str, NDArray[np.float64]]:
         """The values of the randomized fields, (N,) each; `final`: of the episodes that an automatic reset ended."""
-        specs = self.out.final_spec if final else self.physics["spec"]
+        specs = self.out.final_spec if final else self.parameters["spec"]
         return {name: specs[:, FIELDS.index(name)].copy() for name in self.randomized}
 
-    def check_action(self, action: Any, name: str = "action") -> NDArray[np.float32]:
-        """The action of a game on one table as (1, 2) float32; see `check_actions`. Errors call it `name`."""
-        if not self.continuous:
-            return check_directions(name, action, ())
-        usual = isinstance(action, np.ndarray) and action.dtype == np.float32 and action.shape == (2,)
-        if usual and action.flags.c_contiguous and math.isfinite(action[0]) and math.isfinite(action[1]):  # quickly
-            return action.reshape(1, 2)
-        return check_velocities(name, action, (2,)).reshape(1, 2)
-
-    def check_actions(self, actions: ArrayLike) -> NDArray[np.float32]:
-        """Actions as float32 target velocities (N, 2).
+    def observations(self, seat: int = LEFT) -> NDArray[Any]:
+        """A player's observations as they are now, a fresh array: float32 (N, 13), or pictures; see `obs_type`.
 
         Raises:
-            ValueError: of another shape or kind than the action space's, or not finite.
+            ValueError: a scripted player plays that seat, who looks at no observations.
         """
-        n = self.num_tables
-        if not self.continuous:
-            return check_directions("actions", actions, (n,))
-        return check_velocities("actions", actions, (n, 2))
-
-    def step(self, targets: NDArray[np.float32], others: NDArray[np.float32] | None = None) -> None:
-        """Play one step on all tables; the results lie in `out`.
-
-        Args:
-            targets: checked actions (see `check_actions`) of the left players.
-            others: those of the right players, with `opponent=None`.
-        """
-        n = self.num_tables
-        if not self.begun:
-            raise ResetNeeded("reset every table before step")
-        if self._autoreset == AUTORESET_DISABLED:
-            done = self.tables["done"]
-            if done[0] if n == 1 else done.any():
-                raise ResetNeeded(
-                    f"the episodes on tables {np.flatnonzero(done).tolist()} are over: reset them before step"
-                )
-        if others is None:
-            others = self._ask() if self._asks else self._others
-        self.threads.share(n, ROWS_PER_THREAD, self._step_rows, targets, others)
-
-    @property
-    def opponents(self) -> tuple[str | Policy, ...]:
-        """The pool of opponents: names, and policies (those of files too); with `opponent=None`, empty."""
-        return tuple(member for member in self._pool if member is not None)
-
-    def set_opponents(self, indices: ArrayLike, tables: ArrayLike | None = None) -> None:
-        """Assign opponents to tables, from the next step on; episodes under way go on.
-
-        Args:
-            indices: places in the pool: one for each of the tables, or one for all of them.
-            tables: numbers of tables, each once, or a mask (N,) of bool; None for all.
-
-        Raises:
-            ValueError: there are no such places or tables. Nothing has changed then.
-        """
-        rows = self.check_rows(tables)
-        try:
-            places = np.asarray(indices)
-        except ValueError:  # lists of different lengths
-            places = np.array(None)
-        whole = places.dtype.kind in "iu" and places.shape in ((), rows.shape)
-        if not whole or ((places < 0) | (places >= len(self._pool))).any():
-            raise ValueError(
-                f"indices must be whole numbers from 0 to {len(self._pool) - 1}, places in the pool of opponents, one "
-                f"or one for each of {len(rows)} tables; got {indices!r}"
-            )
-        self.tables["opponent"][rows] = places
-        self._seat(rows)
-
-    def set_opponent(self, index: int, opponent: Opponent) -> None:
-        """Put another opponent in a place of the pool, on whatever tables that place plays, from the next step on.
-
-        Raises:
-            ValueError: there is no such place, or no such opponent. Nothing has changed then.
-        """
-        self._check_one_player()
-        index = check_whole("index", index, 0, len(self._pool) - 1)
-        self._pool[index] = member_of(check_opponent(opponent))
-        self._seat(np.flatnonzero(self.tables["opponent"] == index))
-
-    def add_opponent(self, opponent: Opponent) -> int:
-        """Add an opponent to the pool; its place, for `set_opponents`. No table is assigned to it yet.
-
-        Raises:
-            ValueError: no such opponent. Nothing has changed then.
-        """
-        self._check_one_player()
-        self._pool.append(member_of(check_opponent(opponent)))
-        self._seat(self.check_rows([]))
-        return len(self._pool) - 1
-
-    def set_opponent_skill(self, skill: ArrayLike, tables: ArrayLike | None = None) -> None:
-        """Set the share of their speed that scripted opponents use, from the next step on.
-
-        It belongs to the tables, not to the places in the pool: whoever is assigned to a table plays with its skill.
-
-        Args:
-            skill: 0 to 1: one for each of the tables, or one for all of them.
-            tables: numbers of tables, each once, or a mask (N,) of bool; None for all.
-
-        Raises:
-            ValueError: the skill is out of range, or there are no such tables. Nothing has changed then.
-        """
-        rows = self.check_rows(tables)
-        self.tables["skill"][rows, 1] = check_skill(skill, len(rows))
-
-    def check_begun(self, rows: NDArray[Any] | slice = slice(None)) -> None:
-        """Whether there is anything to see on the given tables.
-
-        Raises:
-            ResetNeeded: no episode has begun on one of them.
-        """
-        if not self.tables["side"][rows].all():
-            raise ResetNeeded("reset every table, or set its state, before observe")
-
-    def observations(self) -> NDArray[Any]:
-        """Fresh observations of the left players, as `obs_type` says: (N, ...)."""
-        return self.shown(self.out.observation)
-
-    def shown(
-        self, observations: NDArray[np.float32], rows: NDArray[np.int64] | None = None, final: bool = False
-    ) -> NDArray[Any]:
-        """State observations (n, 13) of all tables, or of those numbered by `rows`, as `obs_type` says; a fresh array.
-
-        float32 (n, 13), a copy; or pictures, uint8 (n, 84, 84, 3) or (n, 84, 84). `final`: these are observations that
-        an automatic reset replaced, on tables that it may have drawn anew.
-        """
-        if self.pixels is None:
-            return observations.copy()
-        n = len(observations)
-        physics = self.physics if rows is None or len(self.physics) == 1 else self.physics[rows]
-        if final and self.randomized:
-            physics = with_spec(physics, self.out.final_spec if rows is None else self.out.final_spec[rows])
-        background = self.pixels.background(physics)
-        frames = self.pixels.blank(n, again=rows is None)
-        self.threads.share(n, PICTURES_PER_THREAD, self.pixels.draw, observations, physics, background, frames)
-        return frames if frames.shape[-1] > 1 else frames[..., 0]
+        if not self.pools[seat].observes:
+            raise ValueError(f"seat must be one that the caller or a policy plays, got {seat!r}: a scripted player's")
+        self._keep_observations()
+        return self.as_observations(self.out.observation[seat])
 
     def contacts(self) -> NDArray[np.void]:
         """The contacts of the last step, a copy: (N, CONTACT_ROWS) records of `CONTACT`.
@@ -388,118 +284,156 @@ class Game:
         """The contacts of the last step on table i, in the order of time, a copy: (n,) records of `CONTACT`."""
         return np.array(self.out.contacts[i, : self.out.n_contacts[i]], CONTACT, subok=False)
 
+    @one_at_a_time
     def get_state(self, indices: ArrayLike | None = None) -> NDArray[np.void]:
-        """A copy of everything that decides what happens next on the given tables; None for all.
+        """Everything that decides what happens next on the given tables, a copy: (n,) records.
+
+        Args:
+            indices: (n,) numbers of tables, or a mask (N,) of bool; None for all.
 
         Raises:
             ValueError: there are no such tables.
         """
         rows = self.check_rows(indices, "indices", repeated=True)
-        if not self.randomized:
-            return np.array(self.tables[rows])
-        state = np.zeros(len(rows), RANDOMIZED_TABLE)
-        state["table"], state["physics"] = self.tables[rows], self.physics[rows]
-        return state
+        return save(rows, self.states, self.parameters, bool(self.randomized), self.cameras)
 
+    @one_at_a_time
     def set_state(self, state: NDArray[np.void], indices: ArrayLike | None = None) -> None:
-        """Put copied states back (or onto other tables): what follows is the same to the bit.
+        """Put saved states back (or onto other tables): what follows is the same to the bit.
 
-        A state keeps the opponent's place in the pool, not the opponent: its table is assigned that place again, and
-        is played by whoever has it now. So a state that was saved before `set_opponents` brings back who played; one
-        that was saved before `set_opponent` is played by the new one; and one of another game by this game's.
+        A state keeps the player's place in the pool, not the player: its table is assigned that place again, and is
+        played by whoever has it now.
+
+        Args:
+            state: (n,) records of `get_state`, of a game with these arguments.
+            indices: (n,) numbers of tables, each once, or a mask (N,) of bool; None for all.
 
         Raises:
-            ValueError: there are no such tables; not a state of as many tables, or none that they could be in, or of a
-                larger pool of opponents. Nothing has changed then.
+            ValueError: there are no such tables; not states of as many tables, or none that they could be in, or of a
+                larger pool of players. Nothing has changed then.
         """
-        chosen = self.check_rows(indices, "indices")
-        dtype = RANDOMIZED_TABLE if self.randomized else TABLE
-        wrong = [type(state).__name__]
-        if isinstance(state, np.ndarray):
-            wrong = [f"shape {state.shape}"] if state.shape != chosen.shape else []
-            wrong += ["another kind of record"] if state.dtype != dtype else []
-        if wrong:
-            raise ValueError(
-                f"state must be what get_state returned, of shape {chosen.shape}; got {' and '.join(wrong)}"
-            )
-        table = state["table"] if self.randomized else state
-        self._check_playable(table, state["physics"] if self.randomized else self.physics)
-        places = table["opponent"]
-        if ((places < 0) | (places >= len(self._pool))).any():
-            raise ValueError(
-                f"state must be of a game with no more opponents than this one's {len(self._pool)}, got one that is "
-                f"played by number {places.max()} (counted from 0)"
-            )
-        moved = bool((places != self.tables["opponent"][chosen]).any())
-        self.tables[chosen] = table
-        if self.randomized:
-            self.physics[chosen] = state["physics"]
-        self.tables["player"][chosen, LEFT] = self._left
-        if moved:
-            self._seat(chosen)
-        else:
-            self.tables["player"][chosen, RIGHT] = self._numbers[places]
-        self._note_begun()
-        refresh_rows(chosen, self.tables, self.physics, self.settings, self.out)
-        out = self.out  # nothing has happened yet in this state
-        out.n_contacts[chosen], out.point[chosen], out.foul[chosen], out.success[chosen] = 0, 0, False, False
-
-    # How it is done ---------------------------------------------------------------------------------------------
-
-    def _note_begun(self) -> None:
-        """Whether every table has begun an episode: a puck that was served is on a side."""
-        self.begun = self.begun or bool(self.tables["side"].all())
-
-    def _step_rows(self, first: int, last: int, targets: NDArray[np.float32], others: NDArray[np.float32]) -> None:
-        fixed = (self.tables, self.physics, self.settings, self.ranges)
-        if not _step_code:
-            _step_code.append(machine_code(step_rows, first, last, *fixed, self._others, self._others, self.out))
-        _step_code[0](first, last, *fixed, targets, others, self.out)
-
-    def _seat(self, rows: NDArray[np.int64]) -> None:
-        """Bring what follows from the pool, and from the places in it of the given tables, up to date."""
-        self._numbers = np.array([number_of(member) for member in self._pool], np.int8)
-        self.tables["player"][rows, RIGHT] = self._numbers[self.tables["opponent"][rows]]
-        self._groups = None  # made where they are needed
-        self._asks = not self._two_players and bool((self.tables["player"][:, RIGHT] == EXTERNAL).any())
-        watched = bool(self.settings["both_sides"][0])
-        self.settings["both_sides"] = self._asks or self._two_players
-        if self._asks and not watched:
-            n = self.num_tables
-            if len(self.out.other_observation) != n:
-                self.out = self.out._replace(
-                    other_observation=np.zeros((n, OBSERVATION_SIZE), np.float32), other_reward=np.zeros(n)
+        rows = self.check_rows(indices, "indices")
+        check_state(state, rows.shape, self.parameters, bool(self.randomized), self.cameras)
+        members = game_state(state)["member"]
+        for seat, pool in zip(SEATS, self.pools, strict=True):
+            places = max(len(pool.members), 1)
+            if ((members[:, seat] < 0) | (members[:, seat] >= places)).any():
+                raise ValueError(
+                    f"state must be of a game with no more {pool.name}s than this one's {places}, got one that is "
+                    f"played by number {members[:, seat].max()} (counted from 0)"
                 )
-            # What the right-hand players see was not kept up to now.
-            playing = np.flatnonzero(self.tables["side"])
-            if not len(playing):
-                return
-            refresh_rows(playing, self.tables, self.physics, self.settings, self.out)
+        moved = (members != self.states["member"][rows]).any(axis=0)
+        restore(state, rows, self.states, self.parameters, bool(self.randomized), self.cameras)
+        for seat, pool in zip(SEATS, self.pools, strict=True):
+            if moved[seat]:
+                pool.refresh(rows)
+        self.seeded = True
+        self._note_begun()
+        self._refresh(rows)
+        out = self.out  # nothing has happened yet in this state
+        out.n_contacts[rows], out.point[rows], out.foul[rows], out.success[rows] = 0, 0, False, False
 
-    def _ask(self) -> NDArray[np.float32]:
-        """The actions of the opponents from outside."""
-        observations = self.out.other_observation
-        if self._groups is None:
-            self._groups = groups_of(self._pool, self.tables["opponent"], observations)
-        self.answers = answers_of(self._groups, observations, self._others)
-        return self.answers
+    def close(self) -> None:
+        """End the threads; they start again if they are needed again."""
+        self._threads.close()
 
-    def _check_one_player(self) -> None:
-        if self._two_players:
-            raise ValueError("the caller plays the right paddle (opponent=None): there is no pool of opponents")
+    # What the environments need besides -------------------------------------------------------------------------
 
-    def _check_playable(self, table: NDArray[np.void], physics: NDArray[np.void]) -> None:
-        """Raises ValueError unless tables could be in these states, under these physics, in this game."""
-        for name in _FLOATS:
-            if not np.isfinite(table[name]).all():
-                raise ValueError(f"state must hold finite numbers, got another in {name!r}")
-        if ((table["n_contacts"] < 0) | (table["n_contacts"] > CONTACT_ROWS)).any():
-            raise ValueError(f"state must have 0 to {CONTACT_ROWS} contacts, got another number in 'n_contacts'")
-        half = np.stack([physics["half_length"], physics["half_width"]], axis=-1)
-        if not (np.abs(table["position"]) <= half[:, np.newaxis]).all():
-            raise ValueError("state must have all discs on the table, got a 'position' off it")
-        if self.randomized and (physics["tick"] != self.physics["tick"][0]).any():
-            raise ValueError(f"state must be of a game at control_hz {self.control_hz}, as this one; got another's")
+    def seed(self, seeds: Sequence[int | None], rows: NDArray[np.int64], fresh: Callable[[int], NDArray[Any]]) -> None:
+        """Start the random streams, cameras' included, of those of the given tables that have a seed.
+
+        Args:
+            seeds: (N,) checked seeds, or None.
+            rows: numbers of tables.
+            fresh: draws so many seeds, where tables that have no stream yet are given none.
+        """
+        streams: dict[int, Any] = dict.fromkeys(range(self.num_tables) if not self.seeded else ())
+        streams.update({i: seeds[i] for i in rows.tolist() if seeds[i] is not None or not self.seeded})
+        missing = [i for i, seed in streams.items() if seed is None]
+        if missing:
+            drawn = fresh(self.num_tables).tolist()
+            streams.update({i: drawn[i] for i in missing})
+        for i, seed in streams.items():
+            self.states["stream"][i] = stream_from_seed(int(seed))
+            for seat, cameras in zip(SEATS, self.cameras, strict=True):
+                if cameras is not None:
+                    key = np.random.SeedSequence(int(seed), spawn_key=(1 + seat,))
+                    cameras.states["stream"][i] = key.generate_state(1, np.uint64)[0]
+        self.seeded = True
+
+    def begin(self, rows: NDArray[np.int64], options: ResetOptions) -> None:
+        """Begin an episode on the given tables, with checked options."""
+        sides = np.full(len(rows), SERVERS[options.serve], np.int64)
+        given = (self.states, self.parameters, self.settings, self.ranges)
+        reset_rows(rows, sides, options.puck(), *given, self.out)
+        for seat, cameras in zip(SEATS, self.cameras, strict=True):
+            if cameras is not None:
+                start_rows(rows, seat, self.parameters, cameras, self.out)
+        self._note_begun()
+
+    def check_actions(self, seat: int, given: Any) -> NDArray[np.float32]:
+        """A player's actions as float32 target velocities (N, 2); nobody reads those of a seat of others.
+
+        Raises:
+            ValueError: they are missing, or of another shape or kind than the action space's, or not finite.
+        """
+        name = self.action_names[seat]
+        if not self.pools[seat].by_caller:
+            if given is not None:
+                raise ValueError(f"{name} must be None where the caller does not play, got actions")
+            return self._no_actions
+        shape = () if self.one_table else (self.num_tables,)
+        if not self.continuous:
+            return check_directions(name, given, shape)
+        if self.one_table:
+            usual = isinstance(given, np.ndarray) and given.dtype == np.float32 and given.shape == (2,)
+            if usual and given.flags.c_contiguous and math.isfinite(given[0]) and math.isfinite(given[1]):  # quickly
+                return given.reshape(1, 2)
+        return check_velocities(name, given, (*shape, 2)).reshape(self.num_tables, 2)
+
+    def play(self, left_actions: NDArray[np.float32], right_actions: NDArray[np.float32] | None = None) -> None:
+        """Play one control step with checked actions; see `step`."""
+        n = self.num_tables
+        right_actions = self._no_actions if right_actions is None else right_actions
+        if not self.begun:
+            raise ResetNeeded("reset every table before step")
+        if self.autoreset_mode is AutoresetMode.DISABLED:
+            done = self.states["done"]
+            if done[0] if n == 1 else done.any():
+                over = np.flatnonzero(done).tolist()
+                raise ResetNeeded(f"the episodes on tables {over} are over: reset them before step")
+        left, right = self.pools
+        if (left.observes, right.observes) != self._observed:  # a policy has come into a pool, or left it
+            self._keep_observations()
+        if left.asks:
+            left_actions = left.actions()
+        if right.asks:
+            right_actions = right.actions()
+        self._threads.share(n, ROWS_PER_THREAD, self._step_rows, left_actions, right_actions)
+
+    def as_observations(
+        self, observations: NDArray[np.float32], rows: NDArray[np.int64] | None = None, final: bool = False
+    ) -> NDArray[Any]:
+        """State observations (n, 13) of all tables, or of those numbered by `rows`, as `obs_type` says; a fresh array.
+
+        float32 (n, 13), a copy; or pictures, uint8 (n, 84, 84, 3) or (n, 84, 84). `final`: these are observations that
+        an automatic reset replaced, on tables that it may have drawn again.
+        """
+        if self.pixels is None:
+            return observations.copy()
+        n = len(observations)
+        parameters = self.parameters if rows is None or len(self.parameters) == 1 else self.parameters[rows]
+        if final and self.randomized:
+            parameters = with_specs(parameters, self.out.final_spec if rows is None else self.out.final_spec[rows])
+        background = self.pixels.background(parameters)
+        frames = self.pixels.blank(n, again=rows is None)
+        self._threads.share(n, PICTURES_PER_THREAD, self.pixels.draw, observations, parameters, background, frames)
+        return frames if frames.shape[-1] > 1 else frames[..., 0]
+
+    def check_begun(self, rows: NDArray[Any] | slice = slice(None)) -> None:
+        """Raises ResetNeeded if no episode has begun on one of the given tables."""
+        if not self.states["side"][rows].all():
+            raise ResetNeeded("reset every table, or set its state, before observe")
 
     def check_rows(self, tables: ArrayLike | None, name: str = "tables", repeated: bool = False) -> NDArray[np.int64]:
         """Numbers of tables, each once unless `repeated`, or a mask, or None for all; errors call them `name`."""
@@ -513,19 +447,88 @@ class Game:
         """
         return check_reset_options(options, self.spec, int(self.settings["task"][0]), bool(self.randomized))
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_groups": None}  # made where they are needed: a copy would not keep their views
+    def check_seeds(self, seed: Any) -> list[int | None]:
+        """Seeds of the tables, one for each: from the first one's, or from a list of them.
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> Game:
-        from copy import deepcopy
+        Raises:
+            ValueError: not whole numbers from 0 up, or not one for each table.
+        """
+        n = self.num_tables
+        if seed is None:
+            return [None] * n
+        if not isinstance(seed, (list, tuple)) and np.ndim(seed) == 0:
+            first = check_seed(seed)
+            return [first + i for i in range(n)]
+        if len(seed) != n:
+            raise ValueError(f"seed must hold one seed for each of {n} tables, got {len(seed)}")
+        return [None if one is None else check_seed(one) for one in seed]
 
-        copied = type(self).__new__(type(self))
-        memo[id(self)] = copied
-        # Policies from outside are shared: they are a caller's, and may not be copyable.
-        copied.__dict__.update(
-            {
-                name: list(value) if name == "_pool" else deepcopy(value, memo)
-                for name, value in self.__getstate__().items()
-            }
-        )
-        return copied
+    def set_camera(self, camera: CameraLike | Sequence[CameraLike | None] | None) -> None:
+        """Put other cameras, or none, before the players; `reset` every table afterwards.
+
+        Raises:
+            ValueError: no such camera.
+        """
+        self.cameras = self._make_cameras(camera)
+        self.states["side"] = 0
+        self.begun = self.seeded = False
+
+    # How it is done ---------------------------------------------------------------------------------------------
+
+    def _make_pool(self, name: str, seat: int, players: Seat) -> Pool:
+        members = None if players is None else resolve_players(name, players)
+        return Pool(name, seat, members, self.states, self._drivers, self.out.observation, self._threads)
+
+    def _make_cameras(self, camera: Any) -> tuple[CameraArrays | None, CameraArrays | None]:
+        pair = camera if isinstance(camera, (list, tuple)) else (camera, camera)
+        if len(pair) != 2:
+            raise ValueError(f"camera must be one, or a pair (left, right), got {len(pair)}")
+        made = [
+            None if one is None else make_camera(resolve_camera(one), self.num_tables, self.control_hz) for one in pair
+        ]
+        return made[LEFT], made[RIGHT]
+
+    def _keep_observations(self) -> None:
+        """Keep the observations of those seats whose players look at them, and of no others."""
+        observed = self.pools[LEFT].observes, self.pools[RIGHT].observes
+        before, self._observed = self._observed, observed
+        self.settings["observed"] = observed
+        if observed[LEFT] > before[LEFT] or observed[RIGHT] > before[RIGHT]:
+            self._refresh(self._all_rows)
+
+    def _step_rows(self, first: int, last: int, left: NDArray[np.float32], right: NDArray[np.float32]) -> None:
+        fixed = (self.states, self.parameters, self.settings, self.ranges, self._drivers)
+        if not _step_code:
+            _step_code.append(
+                machine_code(step_rows, first, last, *fixed, self._no_actions, self._no_actions, self.out)
+            )
+        _step_code[0](first, last, *fixed, left, right, self.out)
+        for seat in SEATS:
+            cameras = self.cameras[seat]
+            if cameras is not None:
+                follow_rows(first, last, seat, self.parameters, cameras, self.out)
+
+    def _refresh(self, rows: NDArray[np.int64]) -> None:
+        """Bring the outputs of the given tables up to date after their states were changed from outside."""
+        refresh_rows(rows, self.states, self.parameters, self.settings, self.out)
+        for seat, cameras in zip(SEATS, self.cameras, strict=True):
+            if cameras is not None:
+                show_rows(rows, seat, cameras, self.out)
+
+    def _note_begun(self) -> None:
+        """Whether every table has begun an episode: a puck that was served is on a side."""
+        self.begun = self.begun or bool(self.states["side"].all())
+
+
+def _choice(name: str, given: Any, allowed: tuple[str, ...]) -> str:
+    if not isinstance(given, str) or given not in allowed:
+        raise ValueError(f"{name} must be one of {allowed}, got {given!r}")
+    return given
+
+
+def _autoreset_mode(given: Any) -> AutoresetMode:
+    try:
+        return AutoresetMode(given)
+    except ValueError as error:
+        allowed = [mode.value for mode in AutoresetMode]
+        raise ValueError(f"autoreset_mode must be one of {allowed}, got {given!r}") from error

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 from gymnasium.error import DependencyNotInstalled, ResetNeeded
 from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from airhockey_env._base import TableFace
+from airhockey_env._base import TableEnv
+from airhockey_env.cameras import Camera
 from airhockey_env.checks import check_limit, check_seed
 from airhockey_env.game import Game
+from airhockey_env.kernel.state import LEFT, RIGHT
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.tables import TableSpec
 from airhockey_env.threads import one_at_a_time
@@ -33,7 +36,7 @@ TASKS = ("point", "match")
 """The tasks that are the same for both players."""
 
 
-class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
+class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
     """
     ## Description
     Air hockey for two: the game of `AirHockeyEnv`, with the caller at both paddles. The agents are `"left"` and
@@ -97,6 +100,7 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
     | `reward` | `"sparse"` or `"shaped"` | `"sparse"` |
     | `control_hz` | 10 to 240: control steps per second | 50 |
     | `randomize` | None, or a mapping from `TableSpec` fields to (low, high): drawn anew for every episode | None |
+    | `camera` | as in `AirHockeyEnv`, for both agents, or a pair (left, right) | None |
     | `max_episode_steps` | steps that truncate an episode; None: 1500, in a match 15000; -1: no limit | None |
     | `render_mode` | None, `"rgb_array"`, `"human"` | None |
     | `render_size` | (width, height) px or None | None |
@@ -127,6 +131,7 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
         reward: str = "sparse",
         control_hz: float = 50,
         randomize: Mapping[str, tuple[float, float]] | None = None,
+        camera: str | Camera | Mapping[str, Any] | Sequence[Any] | None = None,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
@@ -137,16 +142,19 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
             1,
             task=task,
             table=table,
-            opponent=None,
+            left=None,
+            right=None,
             obs_type=obs_type,
             continuous=continuous,
             reward=reward,
             control_hz=control_hz,
             randomize=randomize,
+            camera=camera,
             max_episode_steps=max_episode_steps,
+            autoreset_mode=AutoresetMode.DISABLED,
             num_threads=1,
         )
-        self._show(game, render_mode, render_size)
+        self._set_up(game, render_mode, render_size, ("actions['left']", "actions['right']"))
         self.possible_agents = list(AGENTS)
         self.agents: list[str] = []
         self.observation_spaces = {agent: observation_space(game.obs_type) for agent in AGENTS}
@@ -180,13 +188,13 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
         checked = self._game.check_reset_options(options)
         if seed is not None:
             seed = check_seed(seed)
-        elif not self._seeded:
+        elif not self._game.seeded:
             seed = int(np.random.SeedSequence().generate_state(1, np.uint64)[0])
         if seed is not None:
-            self._game.seed([seed])
-            self._seeded = True
             self.np_random, self.np_random_seed = seeding.np_random(seed)
-        self._game.reset(options=checked)
+        only = np.zeros(1, np.int64)
+        self._game.seed([seed], only, lambda n: np.random.SeedSequence().generate_state(n, np.uint64))
+        self._game.begin(only, checked)
         self.agents = list(AGENTS)
         if self.render_mode == "human":
             self.render()
@@ -220,8 +228,7 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
         if not isinstance(actions, Mapping) or actions.keys() != self.action_spaces.keys():
             given = list(actions) if isinstance(actions, Mapping) else actions
             raise ValueError(f"actions must map each of {list(AGENTS)} to its action, got {given!r}")
-        left, right = (game.check_action(actions[agent], f"actions[{agent!r}]") for agent in AGENTS)
-        game.step(left, right)
+        game.step(actions["left"], actions["right"])
         terminated, truncated = bool(out.terminated[0]), bool(out.truncated[0])
         if terminated or truncated:
             self.agents = []
@@ -229,7 +236,7 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
             self.render()
         return (
             self._observations(),
-            {"left": float(out.reward[0]), "right": float(out.other_reward[0])},
+            {"left": float(out.reward[LEFT, 0]), "right": float(out.reward[RIGHT, 0])},
             dict.fromkeys(AGENTS, terminated),
             dict.fromkeys(AGENTS, truncated),
             self._infos(),
@@ -243,7 +250,7 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
         """
         if not self._game.begun:
             raise ResetNeeded("reset before state")
-        return self._game.out.observation[0].copy()
+        return self._game.out.observation[LEFT, 0].copy()
 
     @one_at_a_time
     def set_state(self, state: NDArray[np.void]) -> None:
@@ -253,8 +260,8 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
             ValueError: not such a state. Nothing has changed then.
         """
         super().set_state(state)
-        table = self._game.tables[0]
-        self.agents = [] if table["done"] or table["side"] == 0 else list(AGENTS)
+        game = self._game
+        self.agents = [] if game.done[0] or game.side[0] == 0 else list(AGENTS)
 
     @one_at_a_time
     def observe(self) -> dict[str, NDArray[Any]]:
@@ -270,12 +277,12 @@ class AirHockeyParallelEnv(TableFace, ParallelEnv[str, NDArray[Any], Any]):
     def _observations(self) -> dict[str, NDArray[Any]]:
         game, out = self._game, self._game.out
         if game.pixels is None:  # quickly
-            return {"left": out.observation[0].copy(), "right": out.other_observation[0].copy()}
-        return {"left": game.shown(out.observation)[0], "right": game.shown(out.other_observation)[0]}
+            return {"left": out.observation[LEFT, 0].copy(), "right": out.observation[RIGHT, 0].copy()}
+        return {"left": game.observations(LEFT)[0], "right": game.observations(RIGHT)[0]}
 
     def _infos(self) -> dict[str, dict[str, Any]]:
         game = self._game
-        score = game.tables["score"][0]
+        score = game.out.score[0]
         over = not self.agents and bool(game.out.terminated[0])
         return {
             "left": self._info_of(score.copy(), over and bool(score[0] > score[1])),

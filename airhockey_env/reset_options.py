@@ -25,6 +25,15 @@ class ResetOptions(NamedTuple):
     puck_position: NDArray[np.float64] | None = None  # (2,) m, in place of the served one
     puck_velocity: NDArray[np.float64] | None = None  # (2,) m/s
 
+    def puck(self) -> NDArray[np.float64]:
+        """Position, velocity and speed as `kernel.rules.place_puck` takes them, (5,), NaN where none is given."""
+        puck = np.full(5, np.nan)
+        if self.puck_position is not None:
+            puck[:2] = self.puck_position
+        if self.puck_velocity is not None:
+            puck[2:] = *self.puck_velocity, max(math.hypot(*self.puck_velocity), 1e-300)
+        return puck
+
 
 def check_reset_options(
     options: Mapping[str, Any] | None, spec: TableSpec, task: int, randomized: bool

@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 from gymnasium.error import DependencyNotInstalled
+from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
 
-from airhockey_env._base import BatchFace
-from airhockey_env.checks import check_seed
+from airhockey_env._base import BatchEnv
+from airhockey_env.cameras import Camera
+from airhockey_env.checks import check_seed, check_skill, check_whole
 from airhockey_env.game import Game
-from airhockey_env.kernel.state import AUTORESET_SAME_STEP
-from airhockey_env.opponents.players import Opponent, check_opponent
-from airhockey_env.opponents.pool import OpponentPool
+from airhockey_env.kernel.state import LEFT
+from airhockey_env.opponents.players import Player, resolve_players
 from airhockey_env.reset_options import ResetOptions
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.table_view import of_tables, set_of_tables
@@ -31,7 +32,7 @@ except ImportError as error:
     ) from error
 
 
-class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
+class AirHockeySB3VecEnv(BatchEnv, VecEnv):
     """`num_envs` tables of `AirHockeyEnv` (whose docstring is the specification) as a Stable-Baselines3 `VecEnv`.
 
     Episodes restart in the step that ends them. The info of that step holds `terminal_observation`,
@@ -49,9 +50,9 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
         max_episode_steps: steps after which an episode is truncated; None: those of the task's id; -1: no limit.
         num_threads: threads that share a large batch; None takes all cores. The results do not depend on it.
         render_mode: None or `"rgb_array"`.
-        task, opponent, opponent_skill, table, obs_type, continuous, reward, control_hz, randomize, render_size: as in
-            `AirHockeyEnv`. `opponent` may also be a sequence, a pool that the tables share and that can be changed
-            while playing: see `OpponentPool`. `opponent_skill` may also be an array, one for each table.
+        task, opponent, opponent_skill, table, obs_type, continuous, reward, control_hz, randomize, camera, render_size:
+            as in `AirHockeyEnv`. `opponent` may also be a sequence, a pool whose members share the tables and that can
+            be changed while playing: see `pool`. `opponent_skill` may also be an array, one for each table.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012
@@ -63,7 +64,7 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
         max_episode_steps: int | None = None,
         num_threads: int | None = None,
         task: str = "point",
-        opponent: Opponent | Sequence[Opponent] = "striker",
+        opponent: Player | Sequence[Player] = "striker",
         opponent_skill: ArrayLike = 1.0,
         table: str | TableSpec | Mapping[str, float] = "full_size",
         obs_type: str = "state",
@@ -71,26 +72,29 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
         reward: str = "sparse",
         control_hz: float = 50,
         randomize: Mapping[str, tuple[float, float]] | None = None,
+        camera: str | Camera | Mapping[str, Any] | None = None,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
     ) -> None:
+        num_envs = check_whole("num_envs", num_envs, 1)
         game = Game(
             num_envs,
             task=task,
             table=table,
-            opponent=check_opponent(opponent, several=True),
-            opponent_skill=opponent_skill,
+            right=resolve_players("opponent", opponent),
+            right_skill=check_skill(opponent_skill, num_envs),
             obs_type=obs_type,
             continuous=continuous,
             reward=reward,
             control_hz=control_hz,
             randomize=randomize,
+            camera=(camera, None),
             max_episode_steps=max_episode_steps,
-            autoreset=AUTORESET_SAME_STEP,
+            autoreset_mode=AutoresetMode.SAME_STEP,
             num_threads=num_threads,
         )
-        self._show(game, render_mode, render_size)
-        self._targets: NDArray[np.float32] | None = None
+        self._set_up(game, render_mode, render_size, ("actions", "opponent"))
+        self._actions: np.ndarray | None = None
         space = observation_space(game.obs_type)
         if game.obs_type == "grayscale":
             space = spaces.Box(0, 255, (*space.shape, 1), np.uint8)
@@ -102,23 +106,23 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
     def reset(self) -> NDArray[Any]:
         """Begin an episode on every table; with the seeds of `seed` and the options of `set_options`, if given."""
         groups = self._option_groups()
-        if not self._seeded and self._seeds[0] is None:
+        game = self._game
+        if not game.seeded and self._seeds[0] is None:
             self.seed(int(np.random.SeedSequence().generate_state(1)[0]))
         if self._seeds[0] is not None:
-            self._game.seed(self._seeds)
-            self._seeded = True
+            game.seed(self._seeds, game.check_rows(None), lambda n: np.random.SeedSequence().generate_state(n))
             self._reset_seeds()
         for rows, options in groups:
-            self._game.reset(rows, options)
+            game.begin(rows, options)
         if any(self._options):
             self._reset_options()
         return self._with_channels(self._game.observations())
 
-    def _option_groups(self) -> list[tuple[NDArray[np.int64] | None, ResetOptions]]:
-        """The options of the next reset, checked, and the tables of each; None for all."""
+    def _option_groups(self) -> list[tuple[NDArray[np.int64], ResetOptions]]:
+        """The options of the next reset, checked, and the tables of each."""
         check = self._game.check_reset_options
         if not any(self._options):  # quickly
-            return [(None, check(None))]
+            return [(self._game.check_rows(None), check(None))]
         rows_of: dict[Any, list[int]] = {}
         checked: dict[Any, ResetOptions] = {}
         for row, given in enumerate(self._options):
@@ -133,8 +137,8 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
         """The infos of the tables' last resets, as `DummyVecEnv` keeps them; `{}` before the first one."""
         game = self._game
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        drawn = game.drawn()
-        for i in np.flatnonzero(game.tables["side"]):
+        drawn = game.randomized_values()
+        for i in np.flatnonzero(game.side):
             infos[i] = {"score": np.zeros(2, np.int32), "foul": False, "is_success": False}
             if game.randomized:
                 infos[i]["table"] = {name: values[i] for name, values in drawn.items()}
@@ -182,25 +186,26 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
         """Take the actions of the next step.
 
         Raises:
-            ValueError: of the wrong shape, or not finite. Nothing has changed then.
+            ValueError: they have the wrong shape or are not finite. Nothing has changed then.
         """
-        self._targets = self._game.check_actions(actions)
+        self._actions = self._game.check_actions(LEFT, actions)
 
     @one_at_a_time
     def step_wait(self) -> tuple[NDArray[Any], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """Play the step."""
-        if self._targets is None:
+        if self._actions is None:
             raise RuntimeError("call step_async before step_wait")
         out = self._game.out
-        targets, self._targets = self._targets, None
-        self._game.step(targets)
+        actions, self._actions = self._actions, None
+        self._game.play(actions)
         dones = out.terminated | out.truncated
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         rows = np.flatnonzero(dones)
-        drawn = self._game.drawn(final=True)
-        finals = (
-            self._with_channels(self._game.shown(out.final_observation[rows], rows, final=True)) if len(rows) else ()
-        )
+        drawn = self._game.randomized_values(final=True)
+        finals: Any = ()
+        if len(rows):
+            finals = self._game.as_observations(out.final_observation[LEFT][rows], rows, final=True)
+            finals = self._with_channels(finals)
         for i, final in zip(rows, finals, strict=True):
             score = out.final_score[i].copy()
             infos[i] = {
@@ -212,7 +217,7 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
             }
             if self._game.randomized:
                 infos[i]["table"] = {name: values[i] for name, values in drawn.items()}
-        return self._with_channels(self._game.observations()), out.reward.astype(np.float32), dones, infos
+        return self._with_channels(self._game.observations()), out.reward[LEFT].astype(np.float32), dones, infos
 
     @one_at_a_time
     def get_images(self) -> Sequence[np.ndarray | None]:
@@ -224,7 +229,7 @@ class AirHockeySB3VecEnv(OpponentPool, BatchFace, VecEnv):
 
     def close(self) -> None:
         """End the threads of the batch."""
-        self._game.threads.close()
+        self._game.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """An attribute of each of these tables, as `DummyVecEnv` has it of its environments.

@@ -64,12 +64,12 @@ class TableView:
     @property
     def positions(self) -> NDArray[np.float64]:
         """(3, 2) m, a copy: left paddle, right paddle, puck."""
-        return self._batch._game.tables["position"][self._row].copy()
+        return self._batch._game.states["position"][self._row].copy()
 
     @property
     def velocities(self) -> NDArray[np.float64]:
         """(3, 2) m/s, a copy: left paddle, right paddle, puck."""
-        return self._batch._game.tables["velocity"][self._row].copy()
+        return self._batch._game.states["velocity"][self._row].copy()
 
     @property
     def contacts(self) -> NDArray[np.void]:
@@ -79,12 +79,12 @@ class TableView:
     @property
     def opponent_skill(self) -> float:
         """The share of its speed that a scripted opponent uses, 0 to 1."""
-        return float(self._batch._game.tables["skill"][self._row, 1])
+        return float(self._batch.pool.skill[self._row])
 
     @property
     def opponent_index(self) -> int:
         """The opponent, as its place in the pool."""
-        return int(self._batch._game.tables["opponent"][self._row])
+        return int(self._batch.pool.indices[self._row])
 
     def set_opponent_skill(self, skill: float) -> None:
         """As `AirHockeyEnv.set_opponent_skill`."""

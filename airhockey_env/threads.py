@@ -70,14 +70,14 @@ class Threads:
 
 
 def one_at_a_time(method: Method) -> Method:
-    """Let one thread at a time call such methods of an environment, whose game is `_game`; others wait.
+    """Let one thread at a time call such methods of an object with `_threads`, those of its game; others wait.
 
-    Two threads that step the same environment would play in each other's arrays.
+    Two threads that step the same game would play in each other's arrays.
     """
 
     @functools.wraps(method)
     def locked(self: Any, *arguments: Any, **named: Any) -> Any:
-        with self._game.threads.lock:
+        with self._threads.lock:
             return method(self, *arguments, **named)
 
     return locked  # type: ignore[return-value]

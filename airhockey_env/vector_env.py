@@ -11,26 +11,20 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from airhockey_env._base import BatchFace, warn_of_no_render_mode
-from airhockey_env.checks import check_seed
+from airhockey_env._base import BatchEnv, warn_of_no_render_mode
+from airhockey_env.cameras import Camera
+from airhockey_env.checks import check_skill, check_whole
 from airhockey_env.final_observations import FinalObservations
 from airhockey_env.game import Game
-from airhockey_env.kernel.state import AUTORESET_DISABLED, AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP
-from airhockey_env.opponents.players import Opponent, check_opponent
-from airhockey_env.opponents.pool import OpponentPool
+from airhockey_env.kernel.state import LEFT
+from airhockey_env.opponents.players import Player, resolve_players
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.table_view import of_tables, set_of_tables
 from airhockey_env.tables import TableSpec
 from airhockey_env.threads import one_at_a_time
 
-_AUTORESET = {
-    AutoresetMode.NEXT_STEP: AUTORESET_NEXT_STEP,
-    AutoresetMode.SAME_STEP: AUTORESET_SAME_STEP,
-    AutoresetMode.DISABLED: AUTORESET_DISABLED,
-}
 
-
-class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
+class AirHockeyVectorEnv(BatchEnv, VectorEnv):
     """`num_envs` tables of `AirHockeyEnv` (whose docstring is the specification), stepped together.
 
     The same seeds and actions give the same trajectories, to the bit, as single environments in a SyncVectorEnv.
@@ -45,10 +39,10 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
         render_mode: None; `"rgb_array"`, with which `render()` returns a tuple of pictures, one for each table; or
             `"rgb_array_list"`, with which it returns a tuple of lists, the pictures of each table's episode since the
             last call, as with Gymnasium's `RenderCollection`.
-        task, opponent, opponent_skill, table, obs_type, continuous, reward, control_hz, randomize, render_size: as in
-            `AirHockeyEnv`. A callable opponent is asked once a step, for all tables. `opponent` may also be a sequence,
-            a pool that the tables share and that can be changed while playing: see `OpponentPool`. `opponent_skill`
-            may also be an array, one for each table.
+        task, opponent, opponent_skill, table, obs_type, continuous, reward, control_hz, randomize, camera, render_size:
+            as in `AirHockeyEnv`. A callable opponent is asked once a step, for all tables. `opponent` may also be a
+            sequence, a pool whose members share the tables and that can be changed while playing: see `pool`.
+            `opponent_skill` may also be an array, one for each table.
 
     Infos have Gymnasium's vector form: `score` (num_envs, 2), `foul` and `is_success` (num_envs,), and with `randomize`
     `table`, each with its mask; with `SAME_STEP` also `final_obs` and `final_info`. The contacts of the last step are
@@ -71,7 +65,7 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         num_threads: int | None = None,
         task: str = "point",
-        opponent: Opponent | Sequence[Opponent] = "striker",
+        opponent: Player | Sequence[Player] = "striker",
         opponent_skill: ArrayLike = 1.0,
         table: str | TableSpec | Mapping[str, float] = "full_size",
         obs_type: str = "state",
@@ -79,30 +73,29 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
         reward: str = "sparse",
         control_hz: float = 50,
         randomize: Mapping[str, tuple[float, float]] | None = None,
+        camera: str | Camera | Mapping[str, Any] | None = None,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
     ) -> None:
-        try:
-            self.autoreset_mode = AutoresetMode(autoreset_mode)
-        except ValueError as error:
-            allowed = [mode.value for mode in AutoresetMode]
-            raise ValueError(f"autoreset_mode must be one of {allowed}, got {autoreset_mode!r}") from error
+        num_envs = check_whole("num_envs", num_envs, 1)
         game = Game(
             num_envs,
             task=task,
             table=table,
-            opponent=check_opponent(opponent, several=True),
-            opponent_skill=opponent_skill,
+            right=resolve_players("opponent", opponent),
+            right_skill=check_skill(opponent_skill, num_envs),
             obs_type=obs_type,
             continuous=continuous,
             reward=reward,
             control_hz=control_hz,
             randomize=randomize,
+            camera=(camera, None),
             max_episode_steps=max_episode_steps,
-            autoreset=_AUTORESET[self.autoreset_mode],
+            autoreset_mode=autoreset_mode,
             num_threads=num_threads,
         )
-        self._show(game, render_mode, render_size)
+        self._set_up(game, render_mode, render_size, ("actions", "opponent"))
+        self.autoreset_mode = game.autoreset_mode
         self._films: list[list[NDArray[np.uint8]]] = [
             [] for _ in range(num_envs if render_mode == "rgb_array_list" else 0)
         ]
@@ -136,15 +129,11 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
             mask = options.pop("reset_mask", None)
         mask = self._check_mask(mask)
         checked = self._game.check_reset_options(options)
-        seeds = self._check_seeds(seed)
+        seeds = self._game.check_seeds(seed)
         super().reset(seed=int(seed) if isinstance(seed, (int, np.integer)) else None)
-        seeds = [given if chosen else None for given, chosen in zip(seeds, mask, strict=True)]
-        if not self._seeded and None in seeds:
-            fresh = self.np_random.integers(2**63, size=self.num_envs).tolist()
-            seeds = [drawn if given is None else given for given, drawn in zip(seeds, fresh, strict=True)]
-        self._seeded = True
-        self._game.seed(seeds)
-        self._game.reset(np.flatnonzero(mask), checked)
+        rows = np.flatnonzero(mask)
+        self._game.seed(seeds, rows, lambda n: self.np_random.integers(2**63, size=n))
+        self._game.begin(rows, checked)
         if self.render_mode == "rgb_array_list":
             self._film(began=mask, played=mask)
         return self._game.observations(), self._infos(mask)
@@ -160,15 +149,13 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
             gymnasium.error.ResetNeeded: no episode has begun; or, with `DISABLED`, one of them is over.
         """
         game, out = self._game, self._game.out
-        over = game.tables["done"].copy() if self.render_mode == "rgb_array_list" else None
-        game.step(game.check_actions(actions))
-        if over is not None:
-            same_step = self.autoreset_mode == AutoresetMode.SAME_STEP
-            self._film(began=out.terminated | out.truncated if same_step else over)
+        game.step(actions)
+        if self.render_mode == "rgb_array_list":
+            self._film(began=out.began)
         infos = self._infos(None)
         if self.autoreset_mode == AutoresetMode.SAME_STEP:
             self._add_final(infos)
-        return game.observations(), out.reward.copy(), out.terminated.copy(), out.truncated.copy(), infos
+        return game.observations(), out.reward[LEFT].copy(), out.terminated.copy(), out.truncated.copy(), infos
 
     @one_at_a_time
     def render(self) -> tuple[Any, ...] | None:
@@ -233,7 +220,7 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
 
     def close_extras(self, **arguments: Any) -> None:
         """End the threads of the batch."""
-        self._game.threads.close()
+        self._game.close()
 
     def _infos(self, mask: NDArray[np.bool_] | None) -> dict[str, Any]:
         """Infos of all tables, or of those of the mask."""
@@ -243,7 +230,7 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
         if mask is None and self.autoreset_mode == AutoresetMode.SAME_STEP:  # those of an episode's last step are final
             fresh = out.terminated | out.truncated
             foul[fresh] = success[fresh] = False
-        return self._info_of(present, out.score.copy(), foul, success, self._game.drawn())
+        return self._info_of(present, out.score.copy(), foul, success, self._game.randomized_values())
 
     def _info_of(
         self,
@@ -274,24 +261,14 @@ class AirHockeyVectorEnv(OpponentPool, BatchFace, VectorEnv):
             return
         rows = np.flatnonzero(done)
         observations = np.full(self.num_envs, None, dtype=object).view(FinalObservations)
-        finals = self._game.shown(out.final_observation[rows], rows, final=True)
+        finals = self._game.as_observations(out.final_observation[LEFT][rows], rows, final=True)
         for row, final in zip(rows, finals, strict=True):
             observations[row] = final
         infos["final_obs"], infos["_final_obs"] = observations, done
         infos["final_info"] = self._info_of(
-            done, out.final_score.copy(), out.foul.copy(), out.success.copy(), self._game.drawn(final=True)
+            done, out.final_score.copy(), out.foul.copy(), out.success.copy(), self._game.randomized_values(final=True)
         )
         infos["_final_info"] = done.copy()
-
-    def _check_seeds(self, seed: Any) -> list[int | None]:
-        if seed is None:
-            return [None] * self.num_envs
-        if not isinstance(seed, (list, tuple)) and np.ndim(seed) == 0:
-            first = check_seed(seed)
-            return [first + i for i in range(self.num_envs)]
-        if len(seed) != self.num_envs:
-            raise ValueError(f"seed must hold one seed for each of {self.num_envs} tables, got {len(seed)}")
-        return [None if one is None else check_seed(one) for one in seed]
 
     def _check_mask(self, mask: Any) -> NDArray[np.bool_]:
         """As Gymnasium's SyncVectorEnv checks it; but arrays of other libraries, which JaxToNumpy gives, will do."""

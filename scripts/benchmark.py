@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from rich.progress import track
 import airhockey_env
 from agents.counts import Count
 from agents.files import write_json
-from agents.options import check_output
+from agents.options import check_output, check_ranges
 from agents.tables import print_table
 from benchmarks import page
 from benchmarks.speed import batch, c_flags, options, pucks, single, start, training
@@ -62,8 +63,7 @@ class BenchmarkArgs:
 
 def check(args: BenchmarkArgs) -> None:
     """Raises ValueError, OSError, DependencyNotInstalled for what could not be done in the end."""
-    if args.rounds < 1 or not 0.0 < args.seconds < 3600.0:
-        raise ValueError("--rounds must be 1 or more, and --seconds greater than 0")
+    check_ranges(args, rounds=(1, math.inf), seconds=(0.001, 3600))
     for name, path in (("json", args.json), ("plot", args.plot), ("page", args.page)):
         check_output(name, path)
     if args.page is not None:

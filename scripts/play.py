@@ -9,7 +9,7 @@ import tyro
 
 from agents.counts import Count
 from agents.human.screen import MatchWindow
-from agents.models import PLAYER_HELP, TRUST_HELP, join, load_player, seated, short_name
+from agents.models import PLAYER_HELP, TRUST_HELP, in_one_game, join, load_player, short_name
 from agents.options import TABLE_HELP, check_ranges, check_table
 from airhockey_env.drawing.render import SMALLEST
 from airhockey_env.drawing.window import import_pygame
@@ -53,7 +53,7 @@ def play(args: PlayArgs) -> None:
     if not all(SMALLEST <= side <= 8192 for side in args.size):
         raise ValueError(f"--size must be two whole numbers from {SMALLEST} to 8192, got {args.size}")
     pygame = import_pygame()
-    opponent = seated(load_player(args.opponent, "--opponent", trust=args.trust))
+    opponent = in_one_game(load_player(args.opponent, "--opponent", trust=args.trust))
     spec = check_table(args.table)
     print("Getting ready; the first time takes a while.", flush=True)
     match = LiveMatch(opponent, skill=args.skill, table=spec, points=args.points)

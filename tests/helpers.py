@@ -1,16 +1,37 @@
-"""What the tests of several files need to know of the package's faces."""
+"""Functions and constants that the tests of several files share."""
 
 from __future__ import annotations
 
 import copy
+import math
+import os
 import pickle
 import re
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
+from numpy.typing import NDArray
 
 import airhockey_env
+from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
+from airhockey_env.opponents.policy import MlpPolicy
+
+ROOT = Path(__file__).parents[1]
+"""The checkout."""
+
+NAN, INF = math.nan, math.inf
+
+SHOT = {"puck_position": (1.0, 0.1), "puck_velocity": (5.0, 0.0)}
+"""Reset options: a puck past an idle right paddle that is in the goal in the second step at 50 Hz."""
+SHOT_BACK = {"puck_position": (-1.0, -0.1), "puck_velocity": (-5.0, 0.0)}
+"""Its mirror image."""
 
 IDS = sorted(
     name for name, spec in gymnasium.registry.items() if str(spec.entry_point).startswith(airhockey_env.__name__)
@@ -18,6 +39,12 @@ IDS = sorted(
 """Every environment that the package registers."""
 
 COPIES = {"deepcopy": copy.deepcopy, "pickle": lambda thing: pickle.loads(pickle.dumps(thing))}
+
+Call = Callable[..., str]
+"""The fixture `call`: from a command's name and arguments to what it prints; `fails=True` where it must fail."""
+
+
+# Games
 
 
 def pursue(seen: np.ndarray) -> np.ndarray:
@@ -54,3 +81,92 @@ def same(first: Any, second: Any) -> bool:
     if isinstance(first, (np.ndarray, np.generic)):
         return first.dtype == second.dtype and first.shape == second.shape and first.tobytes() == second.tobytes()
     return bool(first == second)
+
+
+def handed(env: Any, rows: Any) -> Any:
+    """Actions, one a table or a player, as an API takes them: (2, ...) for two players, else a row or all rows."""
+    if hasattr(env, "possible_agents"):
+        return dict(zip(env.possible_agents, rows, strict=True))
+    return rows if hasattr(env, "num_envs") else rows[0]
+
+
+def begin(env: Any, steps: int = 10, **arguments: Any) -> Any:
+    """A game of any API with one or two tables, after some steps; what `reset` takes may be given."""
+    if hasattr(env, "env_method"):  # Stable-Baselines3 takes the seed before
+        env.seed(1)
+        env.reset()
+    else:
+        env.reset(**{"seed": 1, **arguments})
+    for rows in random_actions(1, steps, 2, env._game.continuous):
+        env.step(handed(env, rows))
+    return env
+
+
+def snapshot(env: Any) -> tuple[Any, ...]:
+    """All that decides what follows, and what is seen of it, of a game of any API."""
+    game = env._game
+    if hasattr(env, "possible_agents"):
+        other: Any = list(env.agents)
+    else:
+        other = env._targets if hasattr(env, "env_method") else str(env.np_random.bit_generator.state)
+    observations = game.out.observation.tobytes(), game.out.other_observation.tobytes()
+    return game.get_state().tobytes(), *observations, other
+
+
+def turned(tables: NDArray[np.void]) -> NDArray[np.void]:
+    """The same tables, (N,) of their states, seen from the other side: turned by 180 degrees, the players swapped."""
+    other = tables.copy()
+    for name in ("position", "velocity"):
+        other[name] = 0.0 - tables[name][:, [RIGHT, LEFT, PUCK]]
+    other["side"] = -tables["side"]
+    for name in ("score", "player", "skill", "wander", "potential"):
+        other[name] = tables[name][:, ::-1]
+    return other
+
+
+# Policies
+
+
+def some_policy(outputs: int = 2, activation: str = "tanh", seed: int = 3) -> MlpPolicy:
+    """A policy with two hidden layers and random weights, that can be saved to a file."""
+    random = np.random.default_rng(seed)
+    sizes = (13, 8, 8, outputs)
+    weights = [random.normal(0.0, 0.5, (after, before)).astype(np.float32) for before, after in pairwise(sizes)]
+    return MlpPolicy(weights, [random.normal(0.0, 0.1, size).astype(np.float32) for size in sizes[1:]], activation)
+
+
+def still_policy() -> MlpPolicy:
+    """A policy of one layer that does nothing."""
+    return MlpPolicy([np.zeros((2, 13), np.float32)], [np.zeros(2, np.float32)])
+
+
+def some_observations(number: int = 200) -> NDArray[np.float32]:
+    """(number, 13), whatever they may mean."""
+    return np.random.default_rng(5).uniform(-1.0, 1.0, (number, 13)).astype(np.float32)
+
+
+# Commands
+
+
+def start(script: str, *arguments: str, folder: Path) -> subprocess.Popen[str]:
+    """Start a command as a user does, from `folder`."""
+    return subprocess.Popen(
+        [sys.executable, "-m", f"scripts.{script}", *arguments],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "100"},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        # A shell's background jobs do not get Ctrl-C; this process does, however the tests were started.
+        preexec_fn=None if os.name == "nt" else lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+
+
+def run(script: str, *arguments: str, folder: Path) -> str:
+    """Run a command to its end; what it printed."""
+    process = start(script, *arguments, folder=folder)
+    printed, _ = process.communicate(timeout=300)
+    assert process.returncode == 0, printed
+    assert "Traceback" not in printed
+    return printed

@@ -85,7 +85,7 @@ def test_python_blocks_run(page: Path, folder: Path, capsys: pytest.CaptureFixtu
     for block in examples(page):
         exec(compile("\n" * block.line + block.code, str(page), "exec"), names)
     printed = capsys.readouterr().out
-    if page.name == "README.md":
+    if page.name == "kiss_study.md":
         lines = [line for line in printed.splitlines() if "the target leaves at" in line]
         exact = [line for line in lines if line.startswith(("kiss ", "continuous "))]
         assert len(lines) == 12 and len(exact) == 8

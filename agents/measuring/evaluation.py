@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.models import Player, Seat, join, seated
+from agents.models import ModelPolicy, Player, in_one_game, join
 from agents.seeding import table_seeds
 from airhockey_env.game import Game
-from airhockey_env.kernel.state import AUTORESET_NEXT_STEP, LEFT, RIGHT
+from airhockey_env.kernel.state import LEFT, RIGHT, SEATS
 from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.opponents.players import NAMES
 
-Watch = Callable[[Game, int], Callable[[NDArray[np.bool_]], None]]
-"""What looks on: called with a game that is about to begin and the side (LEFT or RIGHT) of the player in question; what
-it returns is called after every step, with the mask (N,) of the tables that played it."""
+Observer = Callable[[Game, int], Callable[[NDArray[np.bool_]], None]]
+"""Observer factory: receives the game, before its first step, and the seat (LEFT or RIGHT) of the evaluated player, and
+returns a callback that runs after every step with the mask (N,) of the tables that played it."""
 
 OPPONENTS = NAMES
 """Those that every report plays against, weakest first."""
@@ -119,7 +120,7 @@ def wilson_interval(successes: int, trials: int, z: float = 1.959963984540054) -
 
 
 def _at_once(*players: Any) -> int:
-    pictures = any(isinstance(player, Seat) and player.pictures for player in players)
+    pictures = any(isinstance(player, ModelPolicy) and player.pictures for player in players)
     return min(TABLES_AT_ONCE, PICTURE_TABLES_AT_ONCE) if pictures else TABLES_AT_ONCE
 
 
@@ -135,7 +136,7 @@ def play_points(
     table: str = "full_size",
     control_hz: float = CONTROL_HZ,
     max_episode_steps: int = MAX_EPISODE_STEPS,
-    watch: Watch | None = None,
+    observer: Observer | None = None,
 ) -> Result:
     """Play points against an opponent: half of them on the left, half on the right side of the table.
 
@@ -151,7 +152,7 @@ def play_points(
         seed: of the tables' random streams.
         purpose: one of `agents.seeding.PURPOSES`; those of other purposes are other streams.
         opponent_skill: of a scripted opponent.
-        watch: looks on.
+        observer: sees every game.
 
     Raises:
         ValueError: an argument is out of range.
@@ -162,44 +163,51 @@ def play_points(
         raise ValueError(f"points must be 1 or more, got {points}")
     if name is None:
         name = opponent if isinstance(opponent, str) else "a policy"
-    policy, opponent = seated(policy), seated(opponent)
-    half, at_once = (points + 1) // 2, _at_once(policy, opponent)
+    players = in_one_game(policy), in_one_game(opponent)
+    half, at_once = (points + 1) // 2, _at_once(*players)
     seeds = table_seeds(purpose, seed, 2 * half, TASKS["point"].number)
     wins = losses = draws = steps = 0
     with tqdm(total=2 * half, unit="point", desc=f"against {name}", delay=2.0, leave=False, disable=None) as bar:
-        for first in range(0, half, at_once):
+        for first, own in itertools.product(range(0, half, at_once), SEATS):
             rows = range(first, min(half, first + at_once))
-            still = np.zeros((len(rows), 2), np.float32)
-            for own, left, right in ((LEFT, policy, opponent), (RIGHT, opponent, policy)):
-                game = Game(
-                    len(rows),
-                    player=left if isinstance(left, str) else None,
-                    opponent=right,
-                    opponent_skill=opponent_skill,
-                    table=table,
-                    control_hz=control_hz,
-                    max_episode_steps=max_episode_steps,
-                    autoreset=AUTORESET_NEXT_STEP,
-                )
-                join(game, left, right)
-                game.tables["skill"][:, own], game.tables["skill"][:, 1 - own] = 1.0, opponent_skill
-                game.seed([seeds[2 * k + own] for k in rows])
-                game.reset()
-                note = watch(game, own) if watch is not None else None
-                running = np.ones(len(rows), np.bool_)
-                while running.any():
-                    game.step(still if isinstance(left, str) else game.check_actions(left(game.out.observation)))
-                    if note is not None:
-                        note(running)
-                    ended = running & (game.out.terminated | game.out.truncated)
-                    won = game.out.terminated & ((game.out.point > 0) == (own == LEFT))
-                    steps += int(running.sum())
-                    wins += int((ended & won).sum())
-                    losses += int((ended & game.out.terminated & ~won).sum())
-                    draws += int((ended & ~game.out.terminated).sum())
-                    running &= ~ended
-                    bar.update(int(ended.sum()))
+            game = Game(
+                len(rows),
+                left=players[own],
+                right=players[1 - own],
+                left_skill=1.0 if own == LEFT else opponent_skill,
+                right_skill=1.0 if own == RIGHT else opponent_skill,
+                table=table,
+                control_hz=control_hz,
+                max_episode_steps=max_episode_steps,
+            )
+            join(game, *players)
+            game.reset([seeds[2 * k + own] for k in rows])
+            for running, ended in _to_the_ends(game, own, observer, bar):
+                won = game.out.terminated & ((game.out.point > 0) == (own == LEFT))
+                steps += int(running.sum())
+                wins += int((ended & won).sum())
+                losses += int((ended & game.out.terminated & ~won).sum())
+                draws += int((ended & ~game.out.terminated).sum())
     return Result(name, wins, losses, draws, steps / (2 * half) / control_hz)
+
+
+def _to_the_ends(
+    game: Game, own: int, observer: Observer | None, bar: Any
+) -> Iterator[tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
+    """Step a game until an episode has ended on every table.
+
+    Yields after every step the masks (N,) of the tables that played it, and of those whose episodes it ended.
+    """
+    note = observer(game, own) if observer is not None else None
+    running = np.ones(game.num_tables, np.bool_)
+    while running.any():
+        game.step()
+        if note is not None:
+            note(running)
+        ended = running & (game.out.terminated | game.out.truncated)
+        yield running, ended
+        running &= ~ended
+        bar.update(int(ended.sum()))
 
 
 def play_task(
@@ -210,7 +218,7 @@ def play_task(
     seed: int = 0,
     purpose: str = "evaluation",
     table: str = "full_size",
-    watch: Watch | None = None,
+    observer: Observer | None = None,
 ) -> TaskResult:
     """Play episodes of a task without an opponent, as its registered environment has them (at 50 Hz).
 
@@ -219,7 +227,7 @@ def play_task(
         task: one of `SOLO_TASKS`.
         episodes: how many; each on a table of its own.
         seed, purpose: as in `play_points`.
-        watch: looks on.
+        observer: sees every game.
 
     Raises:
         ValueError: an argument is out of range.
@@ -231,9 +239,7 @@ def play_task(
     if episodes < 1:
         raise ValueError(f"episodes must be 1 or more, got {episodes}")
     seeds = table_seeds(purpose, seed, episodes, TASKS[task].number)
-    player = seated(policy)
-    named = player if isinstance(player, str) else None
-    asked = None if isinstance(player, str) else player
+    player = in_one_game(policy)
     at_once = _at_once(player)
     successes = failures = timeouts = steps = 0
     with tqdm(total=episodes, unit="episode", desc=task, delay=2.0, leave=False, disable=None) as bar:
@@ -242,29 +248,18 @@ def play_task(
             game = Game(
                 len(rows),
                 task=task,
-                player=named,
-                opponent=TASKS[task].opponent,
+                left=player,
+                right=TASKS[task].opponent,
                 max_episode_steps=TASKS[task].max_episode_steps,
                 table=table,
                 control_hz=CONTROL_HZ,
-                autoreset=AUTORESET_NEXT_STEP,
             )
             join(game, player)
-            game.seed(seeds[rows.start : rows.stop])
-            game.reset()
-            note = watch(game, LEFT) if watch is not None else None
-            out = game.out
-            still = np.zeros((len(rows), 2), np.float32)
-            running = np.ones(len(rows), np.bool_)
-            while running.any():
-                game.step(still if asked is None else game.check_actions(asked(out.observation)))
-                if note is not None:
-                    note(running)
-                ended = running & (out.terminated | out.truncated)
+            game.reset(seeds[rows.start : rows.stop])
+            for running, ended in _to_the_ends(game, LEFT, observer, bar):
+                out = game.out
                 steps += int(running.sum())
                 successes += int((ended & out.success).sum())
                 failures += int((ended & out.terminated & ~out.success).sum())
                 timeouts += int((ended & ~out.terminated).sum())
-                running &= ~ended
-                bar.update(int(ended.sum()))
     return TaskResult(task, successes, failures, timeouts, steps / episodes / CONTROL_HZ)

@@ -162,9 +162,9 @@ def measure(
         ValueError: an argument is out of range.
     """
     played, hits, defences = _Watch(), _Watch(), _Defences()
-    result = play_points(player, opponent, points, name=opponent_name, seed=seed, table=table, watch=played)
-    hit = play_task(player, "hit", episodes, seed=seed, table=table, watch=hits)
-    defend = play_task(player, "defend", episodes, seed=seed, table=table, watch=defences)
+    result = play_points(player, opponent, points, name=opponent_name, seed=seed, table=table, observer=played)
+    hit = play_task(player, "hit", episodes, seed=seed, table=table, observer=hits)
+    defend = play_task(player, "defend", episodes, seed=seed, table=table, observer=defences)
 
     own, incoming = played.shots()
     defended = defences.shots()
@@ -295,8 +295,8 @@ class Defence:
         n = game.num_tables
         self._game = game
         self.shots = np.zeros(n, SHOT)
-        self.shots["shooter"], self.shots["start"] = RIGHT, game.tables
-        place = game.tables["position"][:, LEFT].copy()
+        self.shots["shooter"], self.shots["start"] = RIGHT, game.states
+        place = game.positions[:, LEFT]
         self.courses = play_on(self.shots, game.spec, game.control_hz, line=place[:, 0])
         away = np.nan_to_num(self.courses.passes - place[:, 1])
         self._towards = np.sign(away)
@@ -308,7 +308,7 @@ class Defence:
         """Note a step that the tables of the mask (N,) have played."""
         game = self._game
         self._steps += 1
-        self.shots["scored"][running] = game.out.reward[running] < 0.0
-        speed = game.tables["velocity"][:, LEFT, 1] * self._towards
+        self.shots["scored"][running] = game.out.point[running] < 0
+        speed = game.states["velocity"][:, LEFT, 1] * self._towards
         set_off = running & np.isinf(self.reaction) & (speed > REACTED * game.spec.paddle_speed)
         self.reaction[set_off] = self._steps / game.control_hz

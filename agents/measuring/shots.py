@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airhockey_env.game import Game
-from airhockey_env.kernel.state import AUTORESET_NEXT_STEP, LEFT, PUCK, RIGHT, SHOT_CLOCK, TABLE
+from airhockey_env.kernel.state import LEFT, PUCK, RIGHT, SHOT_CLOCK, STATE
 from airhockey_env.tables import TableSpec
 
 SHOT = np.dtype(
     [
         ("shooter", np.int8),  # LEFT or RIGHT
-        ("start", TABLE),  # the table at the end of the step of the shooter's last touch
+        ("start", STATE),  # the table at the end of the step of the shooter's last touch
         ("banked", np.bool_),  # a wall was touched between that touch and that end
         ("touched", np.bool_),  # by the other player, before it was over
         ("scored", np.bool_),
@@ -52,13 +52,13 @@ class Recorder:
     def __init__(self, game: Game) -> None:
         n = game.num_tables
         self._game = game
-        self._side = game.tables["side"].copy()
-        self._speed = game.tables["velocity"][:, PUCK, 0].copy()  # along the table
+        self._side = game.side
+        self._speed = game.velocities[:, PUCK, 0]  # along the table
         self._last = np.full(n, NOBODY, np.int8)  # who touched the puck last, since the serve
         self._banked = np.zeros(n, np.bool_)  # a wall was touched after that
         self._live = np.zeros(n, SHOT)  # the shot under way
         self._live["shooter"] = NOBODY
-        self._start = np.zeros(n, TABLE)  # of a shot, if the last touch becomes one
+        self._start = np.zeros(n, STATE)  # of a shot, if the last touch becomes one
         self._start_banked = np.zeros(n, np.bool_)
         self._over: list[NDArray[np.void]] = []
         self.steps = self.goals = 0
@@ -70,22 +70,22 @@ class Recorder:
 
     def note(self, running: NDArray[np.bool_]) -> None:
         """Note a step that the tables of the mask (N,) have played."""
-        tables, out = self._game.tables, self._game.out
+        states, out = self._game.states, self._game.out
         goal = np.where(running, out.point, 0)  # +1: in the goal at +x
-        changed = running & (goal == 0) & (tables["side"] != self._side)
+        changed = running & (goal == 0) & (states["side"] != self._side)
         foul = changed & out.foul  # and the other side has been served the puck
         crossed = changed & ~foul
-        fresh = self._note_contacts(np.flatnonzero(running & (tables["n_contacts"] > 0)), kept=~foul)
+        fresh = self._note_contacts(np.flatnonzero(running & (out.n_contacts > 0)), kept=~foul)
 
         live = self._live["shooter"]
         again = fresh & (live == self._last)  # the shooter reaches the puck over the line
         self._end(again & (self._speed * FORWARD[live] < 0.0))  # it had come back; otherwise it had not been shot yet
         again &= live == self._last
         self._begin(again)
-        back = crossed & (live != NOBODY) & (tables["side"] != FORWARD[live])
+        back = crossed & (live != NOBODY) & (states["side"] != FORWARD[live])
         self._end(back)
         # A paddle reaches a little over the line, too.
-        sent = (crossed | (fresh & (goal == 0))) & (tables["side"] == FORWARD[self._last]) & (live != self._last)
+        sent = (crossed | (fresh & (goal == 0))) & (states["side"] == FORWARD[self._last]) & (live != self._last)
         sent &= self._last != NOBODY
         self._begin(sent)
 
@@ -95,7 +95,7 @@ class Recorder:
 
         self.steps += int(running.sum())
         self.goals += int((goal != 0).sum())
-        half = np.sign(tables["position"][:, PUCK, 0])
+        half = np.sign(states["position"][:, PUCK, 0])
         for player in (LEFT, RIGHT):
             far = half == FORWARD[player]
             self.zone[player] += (running & far).sum()
@@ -103,17 +103,17 @@ class Recorder:
             self.fouls[player] += (foul & (self._side != FORWARD[player])).sum()
             self.own_goals[player] += ((goal == -FORWARD[player]) & (self._last == player)).sum()
         self._last[foul] = NOBODY
-        self._side[running] = tables["side"][running]
-        self._speed = tables["velocity"][:, PUCK, 0].copy()
+        self._side[running] = states["side"][running]
+        self._speed = states["velocity"][:, PUCK, 0].copy()
 
     def _note_contacts(self, rows: NDArray[np.int64], kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Go through the contacts of the step on some tables; `kept` (N,): what follows is not a new serve.
 
         Returns: (N,) whether a paddle touched the puck and play goes on.
         """
-        tables, contacts = self._game.tables, self._game.out.contacts
+        contacts = self._game.out.contacts
         fresh = np.zeros(len(self._last), np.bool_)
-        counts = tables["n_contacts"][rows]
+        counts = self._game.out.n_contacts[rows]
         for k in range(int(counts.max(initial=0))):
             having = rows[counts > k]
             contact = contacts[having, k]
@@ -125,7 +125,7 @@ class Recorder:
             self._live["touched"][touched] |= self._live["shooter"][touched] != player
             self._banked[having[~paddle]] |= is_bank(contact[~paddle], FORWARD[self._last[having[~paddle]]])
         fresh &= kept
-        self._start[fresh] = tables[fresh]
+        self._start[fresh] = self._game.states[fresh]
         self._start_banked[fresh] = self._banked[fresh]
         return fresh
 
@@ -180,36 +180,34 @@ def play_on(
     game = Game(
         n,
         table=dataclasses.replace(spec, paddle_radius=PIN),
-        player="idle",
-        opponent="idle",
+        left="idle",
+        right="idle",
         control_hz=control_hz,
-        autoreset=AUTORESET_NEXT_STEP,
     )
     state = shots["start"].copy()
     corner = np.array([0.5 * spec.length - PIN, 0.5 * spec.width - PIN])
     state["position"][:, LEFT], state["position"][:, RIGHT] = -corner, corner
     state["velocity"][:, :PUCK] = 0.0
-    for name in ("opponent", "clock", "steps", "score", "done"):
+    for name in ("member", "clock", "steps", "score", "done"):
         state[name] = 0
     game.set_state(state)
 
     forward = FORWARD[shots["shooter"]]
-    still = np.zeros((n, 2), np.float32)
     running = np.ones(n, np.bool_)
     side = state["side"].copy()
     for _ in range(round(SHOT_CLOCK * control_hz)):
-        before = game.tables["position"][:, PUCK].copy()
-        game.step(still)
-        puck = game.tables["position"][:, PUCK]
+        before = game.positions[:, PUCK]
+        game.step()
+        puck = game.positions[:, PUCK]
         goal = running & game.out.terminated
-        courses.on_target[goal] = game.out.reward[goal] == forward[goal]
+        courses.on_target[goal] = game.out.point[goal] == forward[goal]
         courses.arrives[courses.on_target & goal] = puck[courses.on_target & goal, 1]
         if line is not None:
             passed = running & np.isnan(courses.passes) & ((before[:, 0] - line) * (puck[:, 0] - line) <= 0.0)
             ahead = puck[passed, 0] - before[passed, 0]
             share = np.divide(line[passed] - before[passed, 0], ahead, out=np.zeros_like(ahead), where=ahead != 0.0)
             courses.passes[passed] = before[passed, 1] + share * (puck[passed, 1] - before[passed, 1])
-        counts = game.tables["n_contacts"]
+        counts = game.out.n_contacts
         for k in range(int(counts[running].max(initial=0))):
             rows = np.flatnonzero(running & (counts > k))
             contact = game.out.contacts[rows, k]
@@ -217,9 +215,9 @@ def play_on(
             courses.arrives[rows[end]] = contact["y"][end]
             running[rows[end]] = False
             courses.bank[rows[~end]] |= is_bank(contact[~end], forward[rows[~end]])
-        now = game.tables["side"]
+        now = game.side
         running &= ~goal & ~((now != side) & (now != forward))
-        side = now.copy()
+        side = now
         if not running.any():
             break
     return courses

@@ -24,7 +24,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from agents.files import COUNT, FILE, SHARE, TEXT, or_none, read_json, write_json
 from agents.models import export_policy
 from agents.seeding import sequence
-from airhockey_env.opponents.players import Opponent
+from airhockey_env.opponents.players import Player as Opponent
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 

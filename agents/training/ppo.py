@@ -26,8 +26,9 @@ from agents.training.league import League
 from agents.training.learning import ProgressBar, learning, seed_learning
 from agents.training.runs import HISTORY, Clock, Records, RunFolder, logger, read_config, save, take_up, where_it_stands
 from agents.training.stopping import Stop, StopLearning, stopping
+from airhockey_env.game import REWARDS
 from airhockey_env.kernel.tasks import TASKS
-from airhockey_env.opponents.players import Opponent
+from airhockey_env.opponents.players import Player as Opponent
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import PRESETS
 
@@ -130,6 +131,8 @@ class TrainArgs:
             raise ValueError(f"--opponent must be one of {OPPONENTS}, got {self.opponent!r}")
         if not self.opponents or not set(self.opponents) <= set(OPPONENTS):
             raise ValueError(f"--opponents must be some of {OPPONENTS}, got {self.opponents!r}")
+        if self.reward not in REWARDS:
+            raise ValueError(f"--reward must be one of {REWARDS}, got {self.reward!r}")
         most = math.inf
         check_ranges(
             self, steps=(1, most), seed=(0, 2**31 - 1), warmup_steps=(0, most), warmup_success=(0, 1),
@@ -191,7 +194,7 @@ class _Watch(BaseCallback):
             seed=self.args.seed,
             purpose="progress",
             table=self.args.table,
-            watch=self.stop.watch,
+            observer=self.stop.watch,
         )
         row = {"steps": self.model.num_timesteps, "seconds": self.clock.seconds, **result.as_dict()}
         self.history["evaluations"].append(row)
@@ -436,7 +439,7 @@ def report(folder: RunFolder, args: TrainArgs, history: dict[str, Any], stop: St
     policy = MlpPolicy.load(folder.policy)
     results = [
         play_points(
-            policy, name, args.report_points, seed=args.seed, purpose="report", table=args.table, watch=stop.watch
+            policy, name, args.report_points, seed=args.seed, purpose="report", table=args.table, observer=stop.watch
         )
         for name in OPPONENTS
     ]

@@ -7,6 +7,15 @@ from typing import NamedTuple
 from airhockey_env.compiled import inlined
 from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
 
+OWN_PADDLE = slice(0, 4)
+"""Columns of an observation: x, y and velocity x, y of the player's own paddle,"""
+OTHER_PADDLE = slice(4, 8)
+"""of the opponent's paddle,"""
+PUCK_COLUMNS = slice(8, 12)
+"""and of the puck;"""
+CLOCK_COLUMN = 12
+"""and the shot clock."""
+
 
 class View(NamedTuple):
     """The table as one player sees it: own goal at -x, m and m/s. The right-hand player's is turned by 180 degrees."""
@@ -26,11 +35,11 @@ class View(NamedTuple):
 
 
 @inlined
-def view(table, player):
+def view_of(state, player):
     """The table as `player` (LEFT or RIGHT) sees it."""
     s = 1.0 if player == LEFT else -1.0
     other = RIGHT if player == LEFT else LEFT
-    p, v = table.position, table.velocity
+    p, v = state.position, state.velocity
     return View(
         s * p[player, 0], s * p[player, 1], s * v[player, 0], s * v[player, 1],
         s * p[other, 0], s * p[other, 1], s * v[other, 0], s * v[other, 1],
@@ -45,21 +54,21 @@ def _share(value, scale):
 
 
 @inlined
-def observe(table, physics, player, out, i):
-    """Write a player's observation of the table to row i of `out`, (N, 13) float32; see `AirHockeyEnv`."""
-    seen = view(table, player)
-    out[i, 0] = _share(seen.x, physics.per_x)
-    out[i, 1] = _share(seen.y, physics.per_y)
-    out[i, 2] = _share(seen.vx, physics.per_paddle)
-    out[i, 3] = _share(seen.vy, physics.per_paddle)
-    out[i, 4] = _share(seen.other_x, physics.per_x)
-    out[i, 5] = _share(seen.other_y, physics.per_y)
-    out[i, 6] = _share(seen.other_vx, physics.per_paddle)
-    out[i, 7] = _share(seen.other_vy, physics.per_paddle)
-    out[i, 8] = _share(seen.puck_x, physics.per_x)
-    out[i, 9] = _share(seen.puck_y, physics.per_y)
-    out[i, 10] = _share(seen.puck_vx, physics.per_puck)
-    out[i, 11] = _share(seen.puck_vy, physics.per_puck)
-    own_side = table.side < 0 if player == LEFT else table.side > 0
-    used = table.clock * physics.per_clock
-    out[i, 12] = used if own_side else 0.0 - used
+def observe(state, params, player, out, i):
+    """Write a player's observation of table i to `out`, (2, N, 13) float32; see `AirHockeyEnv`."""
+    view = view_of(state, player)
+    out[player, i, 0] = _share(view.x, params.per_x)
+    out[player, i, 1] = _share(view.y, params.per_y)
+    out[player, i, 2] = _share(view.vx, params.per_paddle)
+    out[player, i, 3] = _share(view.vy, params.per_paddle)
+    out[player, i, 4] = _share(view.other_x, params.per_x)
+    out[player, i, 5] = _share(view.other_y, params.per_y)
+    out[player, i, 6] = _share(view.other_vx, params.per_paddle)
+    out[player, i, 7] = _share(view.other_vy, params.per_paddle)
+    out[player, i, 8] = _share(view.puck_x, params.per_x)
+    out[player, i, 9] = _share(view.puck_y, params.per_y)
+    out[player, i, 10] = _share(view.puck_vx, params.per_puck)
+    out[player, i, 11] = _share(view.puck_vy, params.per_puck)
+    own_side = state.side < 0 if player == LEFT else state.side > 0
+    used = state.clock * params.per_clock
+    out[player, i, 12] = used if own_side else 0.0 - used

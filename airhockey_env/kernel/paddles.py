@@ -20,7 +20,7 @@ def _within(place, velocity, low, high, tick):
 
 
 @inlined
-def drive(table, physics, player, ax, ay):
+def drive(state, params, player, ax, ay):
     """Give a player's paddle its velocity for the coming tick.
 
     Args:
@@ -35,19 +35,19 @@ def drive(table, physics, player, ax, ay):
     ax = min(max(ax, -1.0), 1.0)
     ay = min(max(ay, -1.0), 1.0)
     length2 = ax * ax + ay * ay
-    scale = forward * physics.paddle_speed
+    scale = forward * params.paddle_speed
     if length2 > 1.0:
         scale /= math.sqrt(length2)
-    vx, vy = table.velocity[player, 0], table.velocity[player, 1]
+    vx, vy = state.velocity[player, 0], state.velocity[player, 1]
     dvx, dvy = ax * scale - vx, ay * scale - vy
     change2 = dvx * dvx + dvy * dvy
-    if change2 > physics.paddle_step * physics.paddle_step:
-        share = physics.paddle_step / math.sqrt(change2)
+    if change2 > params.paddle_step * params.paddle_step:
+        share = params.paddle_step / math.sqrt(change2)
         dvx *= share
         dvy *= share
-    radius = physics.radius[player]
-    near, far = radius, physics.half_length - radius
+    radius = params.radius[player]
+    near, far = radius, params.half_length - radius
     low, high = (-far, -near) if player == LEFT else (near, far)
-    side = physics.half_width - radius
-    table.velocity[player, 0] = _within(table.position[player, 0], vx + dvx, low, high, physics.tick)
-    table.velocity[player, 1] = _within(table.position[player, 1], vy + dvy, -side, side, physics.tick)
+    side = params.half_width - radius
+    state.velocity[player, 0] = _within(state.position[player, 0], vx + dvx, low, high, params.tick)
+    state.velocity[player, 1] = _within(state.position[player, 1], vy + dvy, -side, side, params.tick)

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from airhockey_env.compiled import compiled, records
+from airhockey_env.compiled import compiled, inlined, records
 from airhockey_env.engine.motion import glide_coefficients
 from airhockey_env.kernel.random_stream import draw_between
-from airhockey_env.kernel.state import LEFT, PHYSICS, PUCK, RIGHT, SHOT_CLOCK
+from airhockey_env.kernel.state import LEFT, PARAMETERS, PUCK, RIGHT, SHOT_CLOCK
 from airhockey_env.real_numbers import as_float, shown
 from airhockey_env.tables import TableSpec
 
 FIELDS = tuple(field.name for field in dataclasses.fields(TableSpec))
-"""The fields of a `TableSpec`, in the order in which `PHYSICS` keeps their values."""
+"""The fields of a `TableSpec`, in the order in which `PARAMETERS` keeps their values."""
 
 (
     LENGTH, WIDTH, GOAL_WIDTH, PUCK_RADIUS, PUCK_MASS, PADDLE_RADIUS, WALL_RESTITUTION, WALL_TANGENTIAL,
@@ -27,38 +27,38 @@ FIELDS = tuple(field.name for field in dataclasses.fields(TableSpec))
 
 
 @compiled
-def derive(law):
-    """Work out everything in a `PHYSICS` record from its `spec`, `tick` and `clock_limit`."""
-    spec = law.spec
-    law.half_length = 0.5 * spec[LENGTH]
-    law.half_width = 0.5 * spec[WIDTH]
-    law.half_goal = 0.5 * spec[GOAL_WIDTH]
-    law.wall_restitution = spec[WALL_RESTITUTION]
-    law.wall_tangential = spec[WALL_TANGENTIAL]
-    law.disc_restitution = spec[PADDLE_RESTITUTION]
-    law.radius[LEFT] = spec[PADDLE_RADIUS]
-    law.radius[RIGHT] = spec[PADDLE_RADIUS]
-    law.radius[PUCK] = spec[PUCK_RADIUS]
-    law.inverse_mass[LEFT] = 0.0
-    law.inverse_mass[RIGHT] = 0.0
-    law.inverse_mass[PUCK] = 1.0 / spec[PUCK_MASS]
-    p, q, r, s = glide_coefficients(spec[DRAG_CONSTANT], spec[DRAG_LINEAR], spec[DRAG_QUADRATIC], 0.5 * law.tick)
-    law.glide_p = p
-    law.glide_q = q
-    law.glide_r = r
-    law.glide_s = s
-    law.puck_speed = spec[PUCK_SPEED]
-    law.paddle_speed = spec[PADDLE_SPEED]
-    law.paddle_step = spec[PADDLE_ACCELERATION] * law.tick
-    law.per_x = 2.0 / spec[LENGTH]
-    law.per_y = 2.0 / spec[WIDTH]
-    law.per_paddle = 1.0 / spec[PADDLE_SPEED]
-    law.per_puck = 1.0 / spec[PUCK_SPEED]
-    law.per_clock = 1.0 / law.clock_limit
+def derive(params):
+    """Work out everything in a `PARAMETERS` record from its `spec`, `tick` and `clock_limit`."""
+    spec = params.spec
+    params.half_length = 0.5 * spec[LENGTH]
+    params.half_width = 0.5 * spec[WIDTH]
+    params.half_goal = 0.5 * spec[GOAL_WIDTH]
+    params.wall_restitution = spec[WALL_RESTITUTION]
+    params.wall_tangential = spec[WALL_TANGENTIAL]
+    params.disc_restitution = spec[PADDLE_RESTITUTION]
+    params.radius[LEFT] = spec[PADDLE_RADIUS]
+    params.radius[RIGHT] = spec[PADDLE_RADIUS]
+    params.radius[PUCK] = spec[PUCK_RADIUS]
+    params.inverse_mass[LEFT] = 0.0
+    params.inverse_mass[RIGHT] = 0.0
+    params.inverse_mass[PUCK] = 1.0 / spec[PUCK_MASS]
+    p, q, r, s = glide_coefficients(spec[DRAG_CONSTANT], spec[DRAG_LINEAR], spec[DRAG_QUADRATIC], 0.5 * params.tick)
+    params.glide_p = p
+    params.glide_q = q
+    params.glide_r = r
+    params.glide_s = s
+    params.puck_speed = spec[PUCK_SPEED]
+    params.paddle_speed = spec[PADDLE_SPEED]
+    params.paddle_step = spec[PADDLE_ACCELERATION] * params.tick
+    params.per_x = 2.0 / spec[LENGTH]
+    params.per_y = 2.0 / spec[WIDTH]
+    params.per_paddle = 1.0 / spec[PADDLE_SPEED]
+    params.per_puck = 1.0 / spec[PUCK_SPEED]
+    params.per_clock = 1.0 / params.clock_limit
 
 
 @compiled
-def draw_physics(table, law, ranges):
+def draw_parameters(state, params, ranges):
     """Draw the fields of the table's spec that have a range, from the table's own stream.
 
     Args:
@@ -66,24 +66,30 @@ def draw_physics(table, law, ranges):
     """
     for k in range(ranges.shape[0]):
         if ranges[k, 0] < ranges[k, 1]:
-            law.spec[k] = draw_between(table, ranges[k, 0], ranges[k, 1])
-    derive(law)
+            params.spec[k] = draw_between(state, ranges[k, 0], ranges[k, 1])
+    derive(params)
+
+
+@inlined
+def params_of(parameters, i):
+    """The record of table i: (1,) records are those of all tables, (N,) have one for each."""
+    return parameters[i if parameters.shape[0] > 1 else 0]
 
 
 @compiled
-def _derive_rows(physics):
-    for i in range(physics.shape[0]):
-        derive(physics[i])
+def _derive_rows(parameters):
+    for i in range(parameters.shape[0]):
+        derive(parameters[i])
 
 
-def physics_record(spec: TableSpec, control_hz: float) -> NDArray[np.void]:
-    """`PHYSICS` of a table at a control rate, (1,)."""
-    physics = records(1, PHYSICS)
-    physics["spec"] = dataclasses.astuple(spec)
-    physics["tick"] = 1.0 / control_hz
-    physics["clock_limit"] = round(SHOT_CLOCK * control_hz)
-    _derive_rows(physics)
-    return physics
+def make_parameters(spec: TableSpec, control_hz: float) -> NDArray[np.void]:
+    """`PARAMETERS` of a table at a control rate, (1,)."""
+    parameters = records(1, PARAMETERS)
+    parameters["spec"] = dataclasses.astuple(spec)
+    parameters["tick"] = 1.0 / control_hz
+    parameters["clock_limit"] = round(SHOT_CLOCK * control_hz)
+    _derive_rows(parameters)
+    return parameters
 
 
 def check_ranges(spec: TableSpec, randomize: Mapping[str, Any]) -> NDArray[np.float64]:
@@ -110,22 +116,22 @@ def check_ranges(spec: TableSpec, randomize: Mapping[str, Any]) -> NDArray[np.fl
     # The fields bind each other in one direction each: if the tightest tables are tables, all are.
     tightest = {name: lowest[name] for name in ("length", "width", "puck_speed")}
     tightest.update({name: highest[name] for name in ("puck_radius", "paddle_radius", "paddle_speed")})
-    for table in (lowest, highest, {**lowest, **tightest}, {**highest, **tightest}):
+    for fields in (lowest, highest, {**lowest, **tightest}, {**highest, **tightest}):
         try:
-            TableSpec(**table)
+            TableSpec(**fields)
         except ValueError as error:
             raise ValueError(f"randomize {dict(randomize)!r} allows tables that are none: {error}") from error
     return ranges
 
 
-def spec_of(law: NDArray[np.void]) -> TableSpec:
-    """The `TableSpec` of one `PHYSICS` record."""
-    return TableSpec(*law["spec"].tolist())
+def spec_of(params: NDArray[np.void]) -> TableSpec:
+    """The `TableSpec` of one `PARAMETERS` record."""
+    return TableSpec(*params["spec"].tolist())
 
 
-def with_spec(physics: NDArray[np.void], specs: NDArray[np.float64]) -> NDArray[np.void]:
-    """A copy of `PHYSICS` records with other specs, (n, len(FIELDS)), and all that follows from them."""
-    changed = physics.copy()
+def with_specs(parameters: NDArray[np.void], specs: NDArray[np.float64]) -> NDArray[np.void]:
+    """A copy of `PARAMETERS` records with other specs, (n, len(FIELDS)), and all that follows from them."""
+    changed = parameters.copy()
     changed["spec"] = specs
     _derive_rows(changed)
     return changed

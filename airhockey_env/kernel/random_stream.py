@@ -17,10 +17,10 @@ _S30, _S27, _S31, _S11 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(
 
 
 @compiled
-def draw(table):
+def draw(state):
     """The next number of the table's stream, uniform in [0, 1)."""
-    table.stream += _STEP
-    z = table.stream
+    state.stream += _STEP
+    z = state.stream
     z = (z ^ (z >> _S30)) * _MIX_1
     z = (z ^ (z >> _S27)) * _MIX_2
     z = z ^ (z >> _S31)
@@ -28,9 +28,9 @@ def draw(table):
 
 
 @compiled
-def draw_between(table, low, high):
+def draw_between(state, low, high):
     """The next number of the table's stream, uniform in [low, high)."""
-    return low + (high - low) * draw(table)
+    return low + (high - low) * draw(state)
 
 
 def stream_from_seed(seed: int) -> np.uint64:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from airhockey_env.compiled import inlined
-from airhockey_env.kernel.observations import view
+from airhockey_env.kernel.observations import view_of
 from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
 
 SHAPING_DISCOUNT = 0.99
@@ -20,34 +20,43 @@ PROGRESS, SPEED, DISTANCE = 0.2, 0.4, 0.2
 
 
 @inlined
-def potential(table, physics, player):
+def potential(state, params, player):
     """How promising the table is for `player` (LEFT or RIGHT), about -1 to 1.
 
     A puck far forward and flying forward is good; and while it is on the own side, so is a paddle close behind it.
     """
-    seen = view(table, player)
-    progress = seen.puck_x / physics.half_length
-    speed = seen.puck_vx / physics.puck_speed
-    behind_x = seen.puck_x - 1.5 * (physics.radius[player] + physics.radius[PUCK]) - seen.x
-    behind_y = seen.puck_y - seen.y
-    distance = math.sqrt(behind_x * behind_x + behind_y * behind_y) / physics.half_length
+    view = view_of(state, player)
+    progress = view.puck_x / params.half_length
+    speed = view.puck_vx / params.puck_speed
+    behind_x = view.puck_x - 1.5 * (params.radius[player] + params.radius[PUCK]) - view.x
+    behind_y = view.puck_y - view.y
+    distance = math.sqrt(behind_x * behind_x + behind_y * behind_y) / params.half_length
     own = min(max(-2.0 * progress, 0.0), 1.0)
     return PROGRESS * progress + SPEED * speed - DISTANCE * own * distance
 
 
 @inlined
-def keep_potentials(table, physics, settings):
-    """Note the potentials of a state that no step led to: those that the next step's shaping starts from."""
-    if settings.shaped:
-        table.potential[LEFT] = potential(table, physics, LEFT)
-        if settings.both_sides:
-            table.potential[RIGHT] = potential(table, physics, RIGHT)
+def potentials(state, params, settings):
+    """The potentials that the shaping terms of the coming step start from: (left, right), 0 where none are needed."""
+    left = potential(state, params, LEFT) if settings.shaped and settings.observed[LEFT] else 0.0
+    right = potential(state, params, RIGHT) if settings.shaped and settings.observed[RIGHT] else 0.0
+    return left, right
 
 
 @inlined
-def shaping(table, physics, player, terminated):
-    """A player's potential-based term for the step that led here; the table keeps the potential for the next one."""
-    before = table.potential[player]
-    after = 0.0 if terminated else potential(table, physics, player)
-    table.potential[player] = after
-    return SHAPING_DISCOUNT * after - before
+def earn(state, params, settings, point, terminated, before):
+    """The rewards of the step that led here, (left, right).
+
+    Args:
+        point: +1 if the left player scored, -1 if the right one did, else 0.
+        terminated: whether the episode is over: its last state has the potential 0.
+        before: what `potentials` gave before the step.
+    """
+    left, right = float(point), float(-point)
+    if settings.shaped and settings.observed[LEFT]:
+        after = 0.0 if terminated else potential(state, params, LEFT)
+        left += SHAPING_DISCOUNT * after - before[LEFT]
+    if settings.shaped and settings.observed[RIGHT]:
+        after = 0.0 if terminated else potential(state, params, RIGHT)
+        right += SHAPING_DISCOUNT * after - before[RIGHT]
+    return left, right

@@ -5,6 +5,8 @@ After the rules of the USA Air Hockey Association, as far as a simulation needs 
 
 from __future__ import annotations
 
+import math
+
 from airhockey_env.compiled import compiled, inlined
 from airhockey_env.kernel.random_stream import draw, draw_between
 from airhockey_env.kernel.state import HOME, LEFT, PUCK, RIGHT
@@ -17,35 +19,52 @@ SERVE_WIDE = 0.5
 
 
 @compiled
-def place_paddles(table, physics):
+def place_paddles(state, params):
     """Paddles rest at home, and so does whatever else moved."""
     for player in (LEFT, RIGHT):
-        table.position[player, 0] = (-HOME if player == LEFT else HOME) * physics.half_length
-        table.position[player, 1] = 0.0
+        state.position[player, 0] = (-HOME if player == LEFT else HOME) * params.half_length
+        state.position[player, 1] = 0.0
     for disc in range(3):
-        table.velocity[disc, 0] = 0.0
-        table.velocity[disc, 1] = 0.0
+        state.velocity[disc, 0] = 0.0
+        state.velocity[disc, 1] = 0.0
 
 
 @compiled
-def serve(table, physics, side):
+def place_puck(state, params, puck):
+    """Begin an episode with the puck where the caller wants it, the left paddle at home.
+
+    Args:
+        puck: x, y (m), vx, vy (m/s) and the speed that these two come to; NaN where the task decides. What is faster
+            than the table allows, which may be another one in every episode, is slowed down.
+    """
+    if not math.isnan(puck[0]):
+        state.position[PUCK, 0], state.position[PUCK, 1] = puck[0], puck[1]
+        state.position[LEFT, 0], state.position[LEFT, 1] = -HOME * params.half_length, 0.0
+        state.side = -1 if puck[0] < 0.0 else 1
+    if not math.isnan(puck[2]):
+        share = min(1.0, params.puck_speed / puck[4])
+        state.velocity[PUCK, 0], state.velocity[PUCK, 1] = share * puck[2], share * puck[3]
+
+
+@compiled
+def serve(state, params, side):
     """Give the puck to a side (-1 left, +1 right): paddles at home, the puck at rest somewhere in front of that one."""
-    place_paddles(table, physics)
-    table.position[PUCK, 0] = side * physics.half_length * draw_between(table, SERVE_NEAR, SERVE_FAR)
-    table.position[PUCK, 1] = side * physics.half_width * draw_between(table, -SERVE_WIDE, SERVE_WIDE)
-    give(table, side)
+    place_paddles(state, params)
+    state.position[PUCK, 0] = side * params.half_length * draw_between(state, SERVE_NEAR, SERVE_FAR)
+    state.position[PUCK, 1] = side * params.half_width * draw_between(state, -SERVE_WIDE, SERVE_WIDE)
+    give(state, side)
 
 
 @compiled
-def give(table, side):
+def give(state, side):
     """The puck is now that side's to play: its clock starts."""
-    table.side = side
-    table.clock = 0
-    table.plan = draw(table)
+    state.side = side
+    state.clock = 0
+    state.plan = draw(state)
 
 
 @inlined
-def judge(table, physics, goal):
+def judge(state, params, goal):
     """Keep the score and the clock after a tick in which the puck crossed the goal line of side `goal` (0 for none).
 
     Returns:
@@ -53,19 +72,19 @@ def judge(table, physics, goal):
         foul: whether the side that has the puck has had it for too long.
     """
     if goal != 0:
-        table.score[0 if goal > 0 else 1] += 1
+        state.score[0 if goal > 0 else 1] += 1
         return goal, False
-    if table.position[PUCK, 0] * table.side < 0.0:
-        give(table, -table.side)
+    if state.position[PUCK, 0] * state.side < 0.0:
+        give(state, -state.side)
         return 0, False
-    table.clock += 1
-    return 0, table.clock > physics.clock_limit
+    state.clock += 1
+    return 0, state.clock > params.clock_limit
 
 
 @inlined
-def play_on(table, physics, point, foul):
+def play_on(state, params, point, foul):
     """After a goal the side that conceded serves; after a foul, the other side."""
     if point != 0:
-        serve(table, physics, point)
+        serve(state, params, point)
     elif foul:
-        serve(table, physics, -table.side)
+        serve(state, params, -state.side)

@@ -1,7 +1,8 @@
 """Scripted opponents, compiled, so that they play in the batch at the engine's speed.
 
 Each sees the table as a player does (own goal at -x) and answers with a target velocity, as a share of the paddle's
-greatest speed. To add one: write a function like `goalie`, give it a number and a name, and add it to `play`.
+greatest speed. To add one: write a function like `goalie`, give it a number and a name, and add it to
+`scripted_action`.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import math
 
 from airhockey_env.compiled import compiled, inlined
-from airhockey_env.kernel.observations import view
+from airhockey_env.kernel.observations import view_of
 from airhockey_env.kernel.random_stream import draw, draw_between
 from airhockey_env.kernel.state import HOME
 
@@ -25,13 +26,13 @@ has something left when the puck changes its course."""
 
 
 @inlined
-def _towards(seen, physics, x, y):
+def _towards(view, params, x, y):
     """The action that brings the paddle to a place and stops it there: no faster than it can brake on the way."""
-    dx, dy = x - seen.x, y - seen.y
+    dx, dy = x - view.x, y - view.y
     distance = math.sqrt(dx * dx + dy * dy)
-    braking = math.sqrt(BRAKING * physics.paddle_step / physics.tick * distance)
-    speed = min(braking, distance / physics.tick, physics.paddle_speed)
-    share = speed / (physics.paddle_speed * max(distance, 1e-9))
+    braking = math.sqrt(BRAKING * params.paddle_step / params.tick * distance)
+    speed = min(braking, distance / params.tick, params.paddle_speed)
+    share = speed / (params.paddle_speed * max(distance, 1e-9))
     return dx * share, dy * share
 
 
@@ -41,18 +42,18 @@ def _clamp(value, limit):
 
 
 @inlined
-def wander(table, player):
+def wander(state, player):
     """Random: a direction and speed, drawn anew ten steps apart on average."""
-    if draw(table) < 0.1:
-        table.wander[player, 0] = draw_between(table, -1.0, 1.0)
-        table.wander[player, 1] = draw_between(table, -1.0, 1.0)
-    return table.wander[player, 0], table.wander[player, 1]
+    if draw(state) < 0.1:
+        state.wander[player, 0] = draw_between(state, -1.0, 1.0)
+        state.wander[player, 1] = draw_between(state, -1.0, 1.0)
+    return state.wander[player, 0], state.wander[player, 1]
 
 
 @inlined
-def goalie(seen, physics):
+def goalie(view, params):
     """Stays home and keeps between the puck and the goal."""
-    return _towards(seen, physics, -HOME * physics.half_length, _clamp(seen.puck_y, physics.half_goal))
+    return _towards(view, params, -HOME * params.half_length, _clamp(view.puck_y, params.half_goal))
 
 
 @inlined
@@ -66,35 +67,35 @@ def _folded(y, limit):
 
 
 @compiled
-def _defend(seen, physics):
+def _defend(view, params):
     """Be where a straight shot will come through; bank shots have to be seen coming off the wall first."""
-    if seen.puck_x < seen.x and abs(seen.puck_y) > physics.half_goal:
+    if view.puck_x < view.x and abs(view.puck_y) > params.half_goal:
         # The puck is behind the paddle in a corner: home, but not through it.
-        return _towards(seen, physics, -GUARD * physics.half_length, _clamp(seen.puck_y, 0.5 * physics.half_goal))
-    guard = -GUARD * physics.half_length
-    y = 0.5 * seen.puck_y
-    if seen.puck_vx < -0.3 and seen.puck_x > guard:
-        y = seen.puck_y + seen.puck_vy * (guard - seen.puck_x) / seen.puck_vx
-        if seen.puck_vx > -0.4 * physics.paddle_speed:
-            y = _folded(y, physics.half_width - physics.radius[2])
-    return _towards(seen, physics, guard, _clamp(y, 1.6 * physics.half_goal))
+        return _towards(view, params, -GUARD * params.half_length, _clamp(view.puck_y, 0.5 * params.half_goal))
+    guard = -GUARD * params.half_length
+    y = 0.5 * view.puck_y
+    if view.puck_vx < -0.3 and view.puck_x > guard:
+        y = view.puck_y + view.puck_vy * (guard - view.puck_x) / view.puck_vx
+        if view.puck_vx > -0.4 * params.paddle_speed:
+            y = _folded(y, params.half_width - params.radius[2])
+    return _towards(view, params, guard, _clamp(y, 1.6 * params.half_goal))
 
 
 @compiled
-def _aim(seen, physics, x, y, plan):
+def _aim(view, params, x, y, plan):
     """Unit vector along which a puck at (x, y) should leave: straight at a corner of the goal, or off a side wall."""
-    puck = physics.radius[2]
-    goal_x = physics.half_length
-    wall = physics.half_width - puck
-    spread = 0.7 * (physics.half_goal - puck)
+    puck = params.radius[2]
+    goal_x = params.half_length
+    wall = params.half_width - puck
+    spread = 0.7 * (params.half_goal - puck)
     if plan < 0.4:  # straight, past the side of the goal that the other paddle leaves open
-        goal_y = spread if seen.other_y < 0.0 else -spread
+        goal_y = spread if view.other_y < 0.0 else -spread
     else:
         # Off a wall, to the middle or the far half of the goal. A wall that keeps different shares of the two
         # components bends the path, so that the image of the goal lies nearer than its mirror image.
         side = 1.0 if plan < 0.7 else -1.0
         part = (plan - 0.4) / 0.3 if plan < 0.7 else (plan - 0.7) / 0.3
-        bend = physics.wall_tangential / max(physics.wall_restitution, 0.1)
+        bend = params.wall_tangential / max(params.wall_restitution, 0.1)
         goal_y = side * (wall + bend * (wall + part * spread))
     dx, dy = goal_x - x, goal_y - y
     length = math.sqrt(dx * dx + dy * dy)
@@ -102,34 +103,34 @@ def _aim(seen, physics, x, y, plan):
 
 
 @compiled
-def striker(seen, physics, plan):
+def striker(view, params, plan):
     """Defends, gets behind the puck and shoots at the goal.
 
     `plan`, 0 to 1, decides how it shoots: it is drawn when the puck comes to its side.
     """
-    reach = physics.radius[0] + physics.radius[2]
-    far_x, far_y = physics.half_length - physics.radius[0], physics.half_width - physics.radius[0]
-    speed = math.sqrt(seen.puck_vx * seen.puck_vx + seen.puck_vy * seen.puck_vy)
-    leaving = seen.puck_vx > 0.3 * physics.paddle_speed
-    if seen.puck_x > 0.0 or leaving or speed > 0.75 * physics.paddle_speed:
-        return _defend(seen, physics)
+    reach = params.radius[0] + params.radius[2]
+    far_x, far_y = params.half_length - params.radius[0], params.half_width - params.radius[0]
+    speed = math.sqrt(view.puck_vx * view.puck_vx + view.puck_vy * view.puck_vy)
+    leaving = view.puck_vx > 0.3 * params.paddle_speed
+    if view.puck_x > 0.0 or leaving or speed > 0.75 * params.paddle_speed:
+        return _defend(view, params)
 
     # Meet the puck where it will be when the paddle can be there.
-    gap = math.sqrt((seen.puck_x - seen.x) ** 2 + (seen.puck_y - seen.y) ** 2)
-    lead = max(0.0, gap - reach) / physics.paddle_speed
-    x = max(seen.puck_x + seen.puck_vx * lead, physics.radius[2] - physics.half_length)
-    y = _folded(seen.puck_y + seen.puck_vy * lead, physics.half_width - physics.radius[2])
+    gap = math.sqrt((view.puck_x - view.x) ** 2 + (view.puck_y - view.y) ** 2)
+    lead = max(0.0, gap - reach) / params.paddle_speed
+    x = max(view.puck_x + view.puck_vx * lead, params.radius[2] - params.half_length)
+    y = _folded(view.puck_y + view.puck_vy * lead, params.half_width - params.radius[2])
 
     # The impulse lies along the normal at the kiss, so the normal has to be what turns the puck's velocity into the
     # shot's; and the kiss has to be at the point of the puck's rim where that is the normal.
-    aim_x, aim_y = _aim(seen, physics, x, y, plan)
-    shot = 0.8 * (1.0 + physics.disc_restitution) * physics.paddle_speed
-    nx, ny = shot * aim_x - seen.puck_vx, shot * aim_y - seen.puck_vy
+    aim_x, aim_y = _aim(view, params, x, y, plan)
+    shot = 0.8 * (1.0 + params.disc_restitution) * params.paddle_speed
+    nx, ny = shot * aim_x - view.puck_vx, shot * aim_y - view.puck_vy
     length = math.sqrt(nx * nx + ny * ny)
     nx, ny = nx / length, ny / length
-    kiss_x, kiss_y = x - reach * nx - seen.x, y - reach * ny - seen.y
+    kiss_x, kiss_y = x - reach * nx - view.x, y - reach * ny - view.y
     distance = math.sqrt(kiss_x * kiss_x + kiss_y * kiss_y)
-    to_x, to_y = x - seen.x, y - seen.y
+    to_x, to_y = x - view.x, y - view.y
     if to_x > 0.0 and kiss_x * nx + kiss_y * ny > 0.7 * distance > 0.0:
         return kiss_x / distance, kiss_y / distance
 
@@ -140,25 +141,24 @@ def striker(seen, physics, plan):
         if abs(y + side * 1.3 * reach) > far_y:
             side = -side
         if to_x < -0.9 * reach or abs(to_y) < reach:
-            return _towards(seen, physics, seen.x, y + side * 1.5 * reach)
-        return _towards(seen, physics, behind_x, y + side * 1.5 * reach)
-    return _towards(seen, physics, behind_x, behind_y)
+            return _towards(view, params, view.x, y + side * 1.5 * reach)
+        return _towards(view, params, behind_x, y + side * 1.5 * reach)
+    return _towards(view, params, behind_x, behind_y)
 
 
 @inlined
-def play(table, physics, player):
-    """The action of the scripted player that drives the paddle of `player` (LEFT or RIGHT) on this table."""
-    who = table.player[player]
+def scripted_action(state, params, player, who):
+    """The action of scripted player number `who`, who drives the paddle of `player` (LEFT or RIGHT)."""
     if who == IDLE:
         return 0.0, 0.0
     if who == RANDOM:
-        ax, ay = wander(table, player)
+        ax, ay = wander(state, player)
     else:
-        seen = view(table, player)
+        view = view_of(state, player)
         if who == GOALIE:
-            ax, ay = goalie(seen, physics)
+            ax, ay = goalie(view, params)
         else:
-            ax, ay = striker(seen, physics, table.plan)
+            ax, ay = striker(view, params, state.plan)
     length = math.sqrt(ax * ax + ay * ay)
-    share = table.skill[player] / max(length, 1.0)
+    share = state.skill[player] / max(length, 1.0)
     return ax * share, ay * share

@@ -1,8 +1,9 @@
-"""The state of a game as NumPy records: one record a table, so that a state is a copy of a row.
+"""The state of a game as NumPy records: one record for each table, so that a saved state is a copy of a row.
 
-Everything that decides what happens next lies in `TABLE`, clocks and random stream included. `PHYSICS` is what a
-`TableSpec` and the control rate come to, in the form in which the compiled code wants it; one record serves all
-tables of a batch, or each table has its own.
+Everything that decides what happens next is in `STATE`, clocks and random stream included (and, behind a camera, in
+`camera.CAMERA_STATE`). Nothing in it can be worked out from the rest. `PARAMETERS` is what a `TableSpec` and the
+control rate come to, in the form in which the compiled code wants it; one record serves all tables of a game, or each
+table has its own.
 """
 
 from __future__ import annotations
@@ -12,7 +13,9 @@ import numpy as np
 from airhockey_env.engine.records import SURFACE
 
 LEFT, RIGHT, PUCK = range(3)
-"""Numbers of the discs."""
+"""Numbers of the discs; LEFT and RIGHT are also the numbers of the two players and their seats."""
+
+SEATS = (LEFT, RIGHT)
 
 SHOT_CLOCK = 7.0
 """s that a side has to send the puck back over the centre line (rules of the USA Air Hockey Association)."""
@@ -24,7 +27,7 @@ OBSERVATION_SIZE = 13
 CONTACT_ROWS = 8
 """Contacts of one step that a batch keeps for each table."""
 
-PHYSICS = np.dtype(
+PARAMETERS = np.dtype(
     [
         ("spec", np.float64, (15,)),  # the TableSpec's fields in their order; all else follows from these,
         ("tick", np.float64),  # s, one control step,
@@ -48,25 +51,20 @@ PHYSICS = np.dtype(
     align=True,
 )
 
-TABLE = np.dtype(
+STATE = np.dtype(
     [
         ("position", np.float64, (3, 2)),  # m: left paddle, right paddle, puck
         ("velocity", np.float64, (3, 2)),  # m/s
         ("stream", np.uint64),  # state of the table's own random stream
-        ("n_contacts", np.int32),  # in the last step
-        ("success", np.int32),  # 1 if the last step ended the episode with success, else 0
-        ("hits", np.int32, (3,)),  # the engine's count of contacts in the tick
-        ("steps", np.int32),  # so far in the episode
-        ("clock", np.int32),  # ticks since the puck came to the side that it is on
-        ("side", np.int8),  # that side: -1 left, +1 right
-        ("done", np.bool_),  # the episode is over and the next has not begun
-        ("player", np.int8, (2,)),  # who drives the left and the right paddle, see scripted
-        ("opponent", np.int64),  # its place in the game's pool of opponents
-        ("score", np.int32, (2,)),  # points: left, right
-        ("skill", np.float64, (2,)),  # share of its speed that a scripted player uses
         ("plan", np.float64),  # 0 to 1, drawn when the puck changes sides: how a scripted player shoots
         ("wander", np.float64, (2, 2)),  # the present actions of players that wander
-        ("potential", np.float64, (2,)),  # of the shaped reward, in this state: for the left and the right player
+        ("skill", np.float64, (2,)),  # share of its speed that a scripted player uses, in each seat
+        ("member", np.int32, (2,)),  # who plays: a place in the pool of each seat
+        ("score", np.int32, (2,)),  # points: left, right
+        ("steps", np.int32),  # so far in the episode
+        ("clock", np.int32),  # ticks since the puck came to the side that it is on
+        ("side", np.int32),  # that side: -1 left, +1 right; 0 before the first episode
+        ("done", np.int32),  # 1: the episode is over and the next has not begun
     ],
     align=True,
 )
@@ -78,9 +76,9 @@ SETTINGS = np.dtype(
         ("points", np.int32),  # points that win a match
         ("max_steps", np.int32),  # steps that truncate an episode, 0 for no limit
         ("shaped", np.bool_),
-        ("randomized", np.bool_),  # draw the tables' physics anew for every episode
+        ("randomized", np.bool_),  # draw the tables' parameters for every episode
         ("autoreset", np.int8),  # one of the constants below
-        ("both_sides", np.bool_),  # write the right-hand player's observations and rewards too
+        ("observed", np.int8, (2,)),  # seats whose players look at observations: scripted ones do not
     ],
     align=True,
 )

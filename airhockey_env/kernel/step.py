@@ -1,6 +1,10 @@
-"""The game, one step, as a recipe: for one table, and for the rows of a batch."""
+"""One step of the game as a recipe: for one table, and for the rows of a batch."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
 
 from airhockey_env.compiled import compiled, inlined
 from airhockey_env.engine.advance import advance
@@ -9,164 +13,200 @@ from airhockey_env.engine.records import Discs
 from airhockey_env.engine.tolerances import GAME_CONTACTS
 from airhockey_env.kernel.observations import observe
 from airhockey_env.kernel.paddles import drive
-from airhockey_env.kernel.parameters import draw_physics
-from airhockey_env.kernel.rewards import keep_potentials, shaping
-from airhockey_env.kernel.rules import judge, play_on
-from airhockey_env.kernel.scripted import EXTERNAL, play
+from airhockey_env.kernel.parameters import draw_parameters, params_of
+from airhockey_env.kernel.rewards import earn, potentials
+from airhockey_env.kernel.rules import judge, place_puck, play_on
+from airhockey_env.kernel.scripted import EXTERNAL, scripted_action
 from airhockey_env.kernel.state import AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP, LEFT, PUCK, RIGHT
 from airhockey_env.kernel.tasks import end_task, start_task
 
 
-@inlined
-def play_tick(table, physics, contacts):
-    """Paddles have their velocities: let the engine play one tick. Returns the side of the goal that was hit, or 0."""
-    discs = Discs(table.position, table.velocity, physics.radius, physics.inverse_mass, table.hits)
-    for disc in range(3):
-        table.hits[disc] = 0
-    p, q, r, s = physics.glide_p, physics.glide_q, physics.glide_r, physics.glide_s
-    glide(discs, PUCK, p, q, r, s, physics.puck_speed)
-    outcome = advance(discs, physics, 0.0, physics.tick, GAME_CONTACTS, contacts, False, None)
-    glide(discs, PUCK, p, q, r, s, physics.puck_speed)
-    table.n_contacts = min(outcome.contacts, contacts.shape[0])
-    return outcome.goal
+class Result(NamedTuple):
+    """What one step came to on one table; see `Outputs`."""
+
+    point: int
+    foul: bool
+    left_reward: float
+    right_reward: float
+    terminated: bool
+    truncated: bool
+    success: bool
+    n_contacts: int
 
 
 @inlined
-def begin(table, physics, settings, ranges, side):
-    """Start the table's next episode; where the task begins with a serve, by `side` (0: drawn at random)."""
-    table.steps = 0
-    table.score[0] = 0
-    table.score[1] = 0
-    table.n_contacts = 0
-    table.success = 0
-    table.done = False
-    for player in (LEFT, RIGHT):
-        table.wander[player, 0] = 0.0
-        table.wander[player, 1] = 0.0
-    if settings.randomized:
-        draw_physics(table, physics, ranges)
-    start_task(table, physics, settings.task, side)
-    keep_potentials(table, physics, settings)
+def step_table(state, params, settings, left_x, left_y, right_x, right_y, contacts, hits):
+    """Play one step of one table.
 
-
-@inlined
-def step_table(table, physics, settings, ax, ay, bx, by, contacts):
-    """Play one step of one table; (ax, ay) and (bx, by) are the left and the right player's actions.
-
-    Returns (point, foul, reward of the left player, that of the right player, terminated, truncated).
+    Args:
+        left_x, left_y, right_x, right_y: the players' actions, each as that player sees the table.
+        contacts: (CONTACT_ROWS,) `CONTACT`; written.
+        hits: (3,) room for the engine's counts.
     """
-    drive(table, physics, LEFT, ax, ay)
-    drive(table, physics, RIGHT, bx, by)
-    goal = play_tick(table, physics, contacts)
-    point, foul = judge(table, physics, goal)
-    terminated, success = end_task(table, settings, point, foul)
+    before = potentials(state, params, settings)
+    drive(state, params, LEFT, left_x, left_y)
+    drive(state, params, RIGHT, right_x, right_y)
+    goal, n_contacts = play_tick(state, params, contacts, hits)
+    point, foul = judge(state, params, goal)
+    terminated, success = end_task(state, settings, point, foul)
     if not terminated:
-        play_on(table, physics, point, foul)
-    reward, other_reward = float(point), float(-point)
-    if settings.shaped:
-        reward += shaping(table, physics, LEFT, terminated)
-        if settings.both_sides:
-            other_reward += shaping(table, physics, RIGHT, terminated)
-    table.steps += 1
-    truncated = settings.max_steps > 0 and table.steps >= settings.max_steps and not terminated
-    table.success = 1 if terminated and success else 0
-    table.done = terminated or truncated
-    return point, foul, reward, other_reward, terminated, truncated
+        play_on(state, params, point, foul)
+    left_reward, right_reward = earn(state, params, settings, point, terminated, before)
+    state.steps += 1
+    truncated = settings.max_steps > 0 and state.steps >= settings.max_steps and not terminated
+    state.done = terminated or truncated
+    return Result(point, foul, left_reward, right_reward, terminated, truncated, terminated and success, n_contacts)
 
 
 @inlined
-def choose(table, physics, player, actions, i):
-    """A player's action: the caller's, or what the scripted player does who drives that paddle."""
-    if table.player[player] == EXTERNAL:
+def play_tick(state, params, contacts, hits):
+    """The paddles have their velocities: let the engine play one tick.
+
+    Returns (side of the goal line that the puck crossed, or 0; number of contacts that were written).
+    """
+    discs = Discs(state.position, state.velocity, params.radius, params.inverse_mass, hits)
+    for disc in range(3):
+        hits[disc] = 0
+    p, q, r, s = params.glide_p, params.glide_q, params.glide_r, params.glide_s
+    glide(discs, PUCK, p, q, r, s, params.puck_speed)
+    outcome = advance(discs, params, 0.0, params.tick, GAME_CONTACTS, contacts, False, None)
+    glide(discs, PUCK, p, q, r, s, params.puck_speed)
+    return outcome.goal, min(outcome.contacts, contacts.shape[0])
+
+
+@inlined
+def begin(state, params, settings, ranges, side):
+    """Start the table's next episode; where the task begins with a serve, by `side` (0: drawn at random)."""
+    state.steps = 0
+    state.score[0] = 0
+    state.score[1] = 0
+    state.done = False
+    for player in (LEFT, RIGHT):
+        state.wander[player, 0] = 0.0
+        state.wander[player, 1] = 0.0
+    if settings.randomized:
+        draw_parameters(state, params, ranges)
+    start_task(state, params, settings.task, side)
+
+
+@inlined
+def action_of(state, params, player, drivers, actions, i):
+    """A player's action: the caller's or a policy's, or that of the scripted player who drives this paddle."""
+    driver = drivers[player, i]
+    if driver == EXTERNAL:
         return float(actions[i, 0]), float(actions[i, 1])
-    return play(table, physics, player)
+    return scripted_action(state, params, player, driver)
 
 
 @compiled
-def step_rows(first, last, tables, physics, settings, ranges, actions, others, out):
+def step_rows(
+    first, last, states, parameters, game_settings, ranges, drivers, left_actions, right_actions, out
+):  # fmt: skip
     """Play one step of the tables `first` to `last` (excluded).
 
     Args:
-        tables: (N,) `TABLE`; changed in place.
-        physics: (1,) or (N,) `PHYSICS`.
-        settings: (1,) `SETTINGS`.
-        ranges: of the physics, where the settings say that they are randomized; see `draw_physics`.
-        actions, others: (N, 2) float32 of the left and the right players; read where these are EXTERNAL.
+        states: (N,) `STATE`; changed in place.
+        parameters: (1,) or (N,) `PARAMETERS`.
+        game_settings: (1,) `SETTINGS`.
+        ranges: of the parameters, where the settings say that they are randomized; see `draw_parameters`.
+        drivers: (2, N) int8, which scripted player drives each paddle, or EXTERNAL.
+        left_actions, right_actions: (N, 2) float32; read where the driver is EXTERNAL.
         out: `Outputs`; written in place.
     """
-    rules = settings[0]
-    own_physics = physics.shape[0] > 1
+    settings = game_settings[0]
+    hits = np.zeros(3, np.int32)
     for i in range(first, last):
-        table = tables[i]
-        law = physics[i if own_physics else 0]
-        if table.done and rules.autoreset == AUTORESET_NEXT_STEP:
-            begin(table, law, rules, ranges, 0)
+        state, params = states[i], params_of(parameters, i)
+        if state.done and settings.autoreset == AUTORESET_NEXT_STEP:
+            begin(state, params, settings, ranges, 0)
             forget_step(out, i)
-            out.reward[i] = 0.0
-            out.terminated[i] = False
-            out.truncated[i] = False
-            if rules.both_sides:
-                out.other_reward[i] = 0.0
+            out.began[i] = True
         else:
-            ax, ay = choose(table, law, LEFT, actions, i)
-            bx, by = choose(table, law, RIGHT, others, i)
-            result = step_table(table, law, rules, ax, ay, bx, by, out.contacts[i])
-            point, foul, reward, other_reward, terminated, truncated = result
-            out.n_contacts[i] = table.n_contacts
-            out.point[i] = point
-            out.foul[i] = foul
-            out.reward[i] = reward
-            if rules.both_sides:
-                out.other_reward[i] = other_reward
-            out.terminated[i] = terminated
-            out.truncated[i] = truncated
-            out.success[i] = table.success != 0
-            if table.done and rules.autoreset == AUTORESET_SAME_STEP:
-                observe(table, law, LEFT, out.final_observation, i)
-                out.final_score[i, 0], out.final_score[i, 1] = table.score[0], table.score[1]
-                if rules.randomized:
-                    out.final_spec[i, :] = law.spec
-                begin(table, law, rules, ranges, 0)
-        observe_row(table, law, rules, out, i)
+            left_x, left_y = action_of(state, params, LEFT, drivers, left_actions, i)
+            right_x, right_y = action_of(state, params, RIGHT, drivers, right_actions, i)
+            result = step_table(
+                state, params, settings, left_x, left_y, right_x, right_y, out.contacts[i], hits
+            )  # fmt: skip
+            report(result, out, i)
+            out.began[i] = False
+            if state.done and settings.autoreset == AUTORESET_SAME_STEP:
+                keep_final(state, params, settings, out, i)
+                begin(state, params, settings, ranges, 0)
+                out.began[i] = True
+        observe_table(state, params, settings, out, i)
 
 
 @inlined
-def observe_row(table, physics, settings, out, i):
-    """Write what table i looks like: its observations and its score."""
-    observe(table, physics, LEFT, out.observation, i)
-    out.score[i, 0], out.score[i, 1] = table.score[0], table.score[1]
-    if settings.both_sides:
-        observe(table, physics, RIGHT, out.other_observation, i)
-
-
-@compiled
-def reset_rows(rows, sides, tables, physics, settings, ranges, out):
-    """Begin an episode on each of the given tables, with a serve by `sides[k]` (0: drawn at random)."""
-    own_physics = physics.shape[0] > 1
-    for k in range(rows.shape[0]):
-        i = rows[k]
-        law = physics[i if own_physics else 0]
-        begin(tables[i], law, settings[0], ranges, sides[k])
-        forget_step(out, i)
-        observe_row(tables[i], law, settings[0], out, i)
+def report(result, out, i):
+    """Write the result of a step of table i."""
+    out.point[i] = result.point
+    out.foul[i] = result.foul
+    out.success[i] = result.success
+    out.reward[LEFT, i] = result.left_reward
+    out.reward[RIGHT, i] = result.right_reward
+    out.terminated[i] = result.terminated
+    out.truncated[i] = result.truncated
+    out.n_contacts[i] = result.n_contacts
 
 
 @inlined
 def forget_step(out, i):
     """Nothing has happened on table i since its episode began, or since its state was set."""
-    out.n_contacts[i] = 0
     out.point[i] = 0
     out.foul[i] = False
     out.success[i] = False
+    out.reward[LEFT, i] = 0.0
+    out.reward[RIGHT, i] = 0.0
+    out.terminated[i] = False
+    out.truncated[i] = False
+    out.n_contacts[i] = 0
+
+
+@inlined
+def keep_final(state, params, settings, out, i):
+    """Keep what the end of an episode looked like, which is about to be replaced by the next one's beginning."""
+    for player in (LEFT, RIGHT):
+        if settings.observed[player]:
+            observe(state, params, player, out.final_observation, i)
+    out.final_score[i, 0], out.final_score[i, 1] = state.score[0], state.score[1]
+    if settings.randomized:
+        out.final_spec[i, :] = params.spec
+
+
+@inlined
+def observe_table(state, params, settings, out, i):
+    """Write what table i looks like: the observations of its players, and its score."""
+    for player in (LEFT, RIGHT):
+        if settings.observed[player]:
+            observe(state, params, player, out.observation, i)
+    out.score[i, 0], out.score[i, 1] = state.score[0], state.score[1]
 
 
 @compiled
-def refresh_rows(rows, tables, physics, settings, out):
-    """Bring everything that is derived from the given tables up to date after they were changed from outside."""
-    own_physics = physics.shape[0] > 1
+def reset_rows(rows, sides, puck, states, parameters, game_settings, ranges, out):
+    """Begin an episode on each of the given tables, with a serve by `sides[k]` (0: drawn at random).
+
+    Args:
+        rows: (n,) int64, numbers of tables.
+        sides: (n,) int64.
+        puck: (5,), where the puck begins in place of where the task puts it; see `place_puck`.
+        states, parameters, game_settings, ranges, out: as in `step_rows`.
+    """
+    settings = game_settings[0]
     for k in range(rows.shape[0]):
         i = rows[k]
-        law = physics[i if own_physics else 0]
-        if not tables[i].done:
-            keep_potentials(tables[i], law, settings[0])
-        observe_row(tables[i], law, settings[0], out, i)
+        state, params = states[i], params_of(parameters, i)
+        begin(state, params, settings, ranges, sides[k])
+        place_puck(state, params, puck)
+        forget_step(out, i)
+        out.began[i] = True
+        observe_table(state, params, settings, out, i)
+
+
+@compiled
+def refresh_rows(rows, states, parameters, game_settings, out):
+    """Bring the outputs of the given tables up to date after their states were changed from outside."""
+    settings = game_settings[0]
+    for k in range(rows.shape[0]):
+        i = rows[k]
+        observe_table(states[i], params_of(parameters, i), settings, out, i)

@@ -42,18 +42,18 @@ CAUGHT = 0.3
 
 
 @compiled
-def start_task(table, physics, task, side):
+def start_task(state, params, task, side):
     """Put the table in a starting state of the task; `side` serves, -1 or +1, or 0 for one drawn at random."""
     if task == HIT:
-        start_hit(table, physics)
+        start_hit(state, params)
     elif task == DEFEND:
-        start_defend(table, physics)
+        start_defend(state, params)
     else:
-        serve(table, physics, side if side != 0 else -1 if draw(table) < 0.5 else 1)
+        serve(state, params, side if side != 0 else -1 if draw(state) < 0.5 else 1)
 
 
 @inlined
-def end_task(table, settings, point, foul):
+def end_task(state, settings, point, foul):
     """Whether the episode ends after this step, and if so whether it was a success for the left player.
 
     Args:
@@ -61,87 +61,87 @@ def end_task(table, settings, point, foul):
         foul: whether the shot clock ran out in this step.
     """
     if settings.task == HIT:
-        return end_hit(table, point, foul)
+        return end_hit(state, point, foul)
     if settings.task == DEFEND:
-        return end_defend(table, point, foul)
-    return end_points(table, settings, point)
+        return end_defend(state, point, foul)
+    return end_points(state, settings, point)
 
 
 @inlined
-def end_points(table, settings, point):
+def end_points(state, settings, point):
     """A point or a match: over when a side has the points that win; a success if that is the left one."""
-    return max(table.score[0], table.score[1]) >= settings.points, point > 0
+    return max(state.score[0], state.score[1]) >= settings.points, point > 0
 
 
 @compiled
-def start_hit(table, physics):
+def start_hit(state, params):
     """The puck rests anywhere on the middle of the own side, the own paddle somewhere near home."""
-    park(table, physics)
-    stand(table, physics, -HOME * physics.half_length, draw_between(table, -0.5, 0.5) * physics.half_width)
-    table.position[PUCK, 0] = -physics.half_length * draw_between(table, 0.1, 0.5)
-    table.position[PUCK, 1] = (physics.half_width - 1.5 * physics.radius[PUCK]) * draw_between(table, -1.0, 1.0)
-    give(table, -1)
+    park(state, params)
+    stand(state, params, -HOME * params.half_length, draw_between(state, -0.5, 0.5) * params.half_width)
+    state.position[PUCK, 0] = -params.half_length * draw_between(state, 0.1, 0.5)
+    state.position[PUCK, 1] = (params.half_width - 1.5 * params.radius[PUCK]) * draw_between(state, -1.0, 1.0)
+    give(state, -1)
 
 
 @inlined
-def end_hit(table, point, foul):
+def end_hit(state, point, foul):
     """Over with a goal, a foul, or a puck that came to rest on the far side; a success with a goal for."""
-    vx, vy = table.velocity[PUCK, 0], table.velocity[PUCK, 1]
-    missed = table.position[PUCK, 0] > 0.0 and vx * vx + vy * vy < AT_REST * AT_REST
+    vx, vy = state.velocity[PUCK, 0], state.velocity[PUCK, 1]
+    missed = state.position[PUCK, 0] > 0.0 and vx * vx + vy * vy < AT_REST * AT_REST
     return point != 0 or foul or missed, point > 0
 
 
 @compiled
-def start_defend(table, physics):
+def start_defend(state, params):
     """A shot comes from the far side, straight or off a side wall, at 2 to 9 m/s; the paddle is somewhere near home."""
-    park(table, physics)
-    own_x = -physics.half_length * draw_between(table, 0.6, 0.9)
-    stand(table, physics, own_x, physics.half_width * draw_between(table, -0.5, 0.5))
-    wall = physics.half_width - physics.radius[PUCK]
-    clear = table.position[RIGHT, 0] - physics.radius[RIGHT] - physics.radius[PUCK]  # of the parked paddle
-    x = min(physics.half_length * draw_between(table, 0.0, 0.6), clear)
-    y = 0.95 * wall * draw_between(table, -1.0, 1.0)
-    speed = min(draw_between(table, 2.0, 9.0), physics.puck_speed)
-    goal_y = (physics.half_goal - physics.radius[PUCK]) * draw_between(table, -1.0, 1.0)
-    course = draw(table)
+    park(state, params)
+    own_x = -params.half_length * draw_between(state, 0.6, 0.9)
+    stand(state, params, own_x, params.half_width * draw_between(state, -0.5, 0.5))
+    wall = params.half_width - params.radius[PUCK]
+    clear = state.position[RIGHT, 0] - params.radius[RIGHT] - params.radius[PUCK]  # of the parked paddle
+    x = min(params.half_length * draw_between(state, 0.0, 0.6), clear)
+    y = 0.95 * wall * draw_between(state, -1.0, 1.0)
+    speed = min(draw_between(state, 2.0, 9.0), params.puck_speed)
+    goal_y = (params.half_goal - params.radius[PUCK]) * draw_between(state, -1.0, 1.0)
+    course = draw(state)
     if course < 0.5:  # off a wall, towards the image of the goal (see scripted)
         side = 1.0 if course < 0.25 else -1.0
-        bend = physics.wall_tangential / max(physics.wall_restitution, 0.1)
+        bend = params.wall_tangential / max(params.wall_restitution, 0.1)
         goal_y = side * wall + bend * (side * wall - goal_y)
-    dx, dy = -physics.half_length - x, goal_y - y
+    dx, dy = -params.half_length - x, goal_y - y
     length = math.sqrt(dx * dx + dy * dy)
-    table.position[PUCK, 0], table.position[PUCK, 1] = x, y
-    table.velocity[PUCK, 0], table.velocity[PUCK, 1] = speed * dx / length, speed * dy / length
-    give(table, 1)
+    state.position[PUCK, 0], state.position[PUCK, 1] = x, y
+    state.velocity[PUCK, 0], state.velocity[PUCK, 1] = speed * dx / length, speed * dy / length
+    give(state, 1)
 
 
 @inlined
-def end_defend(table, point, foul):
+def end_defend(state, point, foul):
     """Over with a goal, or once the shot is kept out: sent back over the centre line, or under control.
 
     A success unless there was a goal against.
     """
-    vx, vy = table.velocity[PUCK, 0], table.velocity[PUCK, 1]
-    returned = table.side > 0 and vx >= 0.0
+    vx, vy = state.velocity[PUCK, 0], state.velocity[PUCK, 1]
+    returned = state.side > 0 and vx >= 0.0
     caught = vx * vx + vy * vy < CAUGHT * CAUGHT
     return point != 0 or foul or returned or caught, point >= 0
 
 
 @inlined
-def stand(table, physics, x, y):
+def stand(state, params, x, y):
     """Put the own paddle on a place or, where a large paddle on a small table has no room there, next to it."""
-    far, side = physics.half_length - physics.radius[LEFT], physics.half_width - physics.radius[LEFT]
-    table.position[LEFT, 0] = max(x, -far)
-    table.position[LEFT, 1] = min(max(y, -side), side)
+    far, side = params.half_length - params.radius[LEFT], params.half_width - params.radius[LEFT]
+    state.position[LEFT, 0] = max(x, -far)
+    state.position[LEFT, 1] = min(max(y, -side), side)
 
 
 @compiled
-def park(table, physics):
+def park(state, params):
     """Paddles rest: the own one at home, the opponent's in a far corner, where it covers no goal."""
-    place_paddles(table, physics)
-    far = physics.half_length - physics.radius[RIGHT]
-    table.position[RIGHT, 0] = far
-    table.position[RIGHT, 1] = physics.half_width - physics.radius[RIGHT]
+    place_paddles(state, params)
+    far = params.half_length - params.radius[RIGHT]
+    state.position[RIGHT, 0] = far
+    state.position[RIGHT, 1] = params.half_width - params.radius[RIGHT]
 
 
 def right_start(spec: TableSpec, task: int) -> tuple[float, float]:

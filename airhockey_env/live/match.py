@@ -9,15 +9,16 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from airhockey_env.game import Game
-from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
+from airhockey_env.kernel.scripted import SCRIPTED
+from airhockey_env.kernel.state import LEFT, PUCK, RIGHT, SEATS
 from airhockey_env.live.hand import Hand
 from airhockey_env.live.pointer import Pointer
 from airhockey_env.live.recording import Recording
-from airhockey_env.opponents.players import Opponent, Policy, member_of
-from airhockey_env.opponents.trained import resolved
+from airhockey_env.opponents.players import Player, Policy, policy_of, resolve_player
 from airhockey_env.replay.file import Replay
 from airhockey_env.tables import TableSpec
 
@@ -71,16 +72,17 @@ KINDS = ("paddle", "wall", "goal", "conceded", "foul", "won", "lost")
 
 
 class _Held:
-    """A policy at one seat, whose answer holds until it is asked again.
+    """A policy whose answer holds until it is asked again.
 
     Args:
         policy: from observations (1, 13) to actions (1, 2).
+        seat: LEFT or RIGHT.
         skill: the share of its paddle's speed that it uses, 0 to 1.
         steps: control steps for which an answer holds.
     """
 
-    def __init__(self, policy: Policy, skill: float, steps: int) -> None:
-        self._policy, self._skill, self._steps = policy, np.float32(skill), steps
+    def __init__(self, policy: Policy, seat: int, skill: float, steps: int) -> None:
+        self._policy, self._seat, self._skill, self._steps = policy, seat, np.float32(skill), steps
         self.forget()
 
     def forget(self) -> None:
@@ -88,10 +90,11 @@ class _Held:
         self._left = 0
         self._answer = np.zeros((1, 2), np.float32)
 
-    def act(self, game: Game, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+    def act(self, game: Game) -> NDArray[np.float32]:
         """The action (1, 2) for the coming step."""
         if not self._left:
-            self._answer = game.check_actions(self._policy(observation)) * self._skill
+            answer = self._policy(game.out.observation[self._seat])
+            self._answer = game.check_actions(self._seat, answer) * self._skill
             self._left = self._steps
         self._left -= 1
         return self._answer
@@ -134,9 +137,9 @@ class LiveMatch:
 
     def __init__(
         self,
-        right: Opponent,
+        right: Player,
         *,
-        left: Opponent | None = None,
+        left: Player | None = None,
         skill: float = 1.0,
         table: str | TableSpec = "full_size",
         points: int = 7,
@@ -144,42 +147,45 @@ class LiveMatch:
         seed: int | None = None,
         recorded: bool = False,
     ) -> None:
-        seats = [None if player is None else resolved(member_of(player)) for player in (left, right)]
+        players = {"left": left, "right": right}
+        seats = [None if who is None else resolve_player(name, who) for name, who in players.items()]
+        scripted = [seat if isinstance(seat, str) and seat in SCRIPTED else None for seat in seats]
         self.game = Game(
             1,
             table=table,
-            player=seats[LEFT] if isinstance(seats[LEFT], str) else None,
-            opponent=seats[RIGHT] if isinstance(seats[RIGHT], str) else None,
-            opponent_skill=skill,
+            left=scripted[LEFT],
+            right=scripted[RIGHT],
+            right_skill=skill,
             points=points,
             control_hz=control_hz,
+            autoreset_mode=AutoresetMode.DISABLED,
             num_threads=1,
         )
         hold = max(1, round(control_hz / POLICY_HZ))
         self._policies = [
-            _Held(seat, share, hold) if callable(seat) else None
-            for seat, share in zip(seats, (1.0, skill), strict=True)
+            None if seat is None or driver is not None else _Held(policy_of(seat), side, share, hold)
+            for side, seat, driver, share in zip(SEATS, seats, scripted, (1.0, skill), strict=True)
         ]
         self._by_hand = left is None
-        self.game.seed([int(np.random.SeedSequence(seed).generate_state(1)[0])])
+        self._seed: int | None = int(np.random.SeedSequence(seed).generate_state(1)[0])
         self.spec, self.points = self.game.spec, points
         self._tick = 1.0 / control_hz
-        self._table = self.game.tables[0]
-        radius, physics = self.spec.paddle_radius, self.game.physics[0]
+        self._state = self.game.states[0]
+        radius, params = self.spec.paddle_radius, self.game.parameters[0]
         self.hand = Hand(
             speed=self.spec.paddle_speed,
-            step=float(physics["paddle_step"]),
+            step=float(params["paddle_step"]),
             tick=self._tick,
             near=(radius - 0.5 * self.spec.length, radius - 0.5 * self.spec.width),
             far=(-radius, 0.5 * self.spec.width - radius),
         )
-        self._clock_limit = int(physics["clock_limit"])
         self._recording = Recording(self.game) if recorded else None
         self.restart(0.0)
 
     def restart(self, now: float) -> None:
         """Begin a new match; it is on after a short rest. What was recorded of the last one is forgotten."""
-        self.game.reset()
+        self.game.reset(self._seed)
+        self._seed = None
         if self._recording is not None:
             self._recording.begin()
         for policy in self._policies:
@@ -187,7 +193,7 @@ class LiveMatch:
                 policy.forget()
         self._pointer = Pointer()
         self._played = now  # the time on the wall up to which the game has been played
-        self._before = self._state()
+        self._before = self._places()
         self._bends: list[Contact] = []  # the puck's contacts in the last step: its way bends there
         self.positions, self.contacts, self.elapsed = self._before, [], 0.0
         self._shown_score, self._shown_clock = self._now_score(), self._now_clock()
@@ -218,7 +224,7 @@ class LiveMatch:
     @property
     def over(self) -> bool:
         """Whether somebody has won."""
-        return bool(self._table["done"])
+        return bool(self._state["done"])
 
     @property
     def target(self) -> tuple[float, float] | None:
@@ -253,7 +259,7 @@ class LiveMatch:
         self.contacts = []
         if self.resting and not self.over and now >= self._rest_until:
             self._played = max(self._played, self._rest_until)
-            self._before, self._bends = self._state(), []
+            self._before, self._bends = self._places(), []
             self.resting, self.notice = False, ""
         self._played = max(self._played, now - MOST_BEHIND)
         while not self.resting and now - self._played >= self._tick:
@@ -261,19 +267,19 @@ class LiveMatch:
             self._step(events)
         if not self.resting:
             share = (now - self._played) / self._tick
-            self.positions = self._before + share * (self._state() - self._before)
-            self.elapsed = max(0.0, (int(self._table["steps"]) - 1 + share) * self._tick)
+            self.positions = self._before + share * (self._places() - self._before)
+            self.elapsed = max(0.0, (int(self._state["steps"]) - 1 + share) * self._tick)
             if self._bends:
                 self.positions[PUCK] = self._puck_at(self.elapsed)
             self._shown_score, self._shown_clock = self._now_score(), self._now_clock()
         return events
 
     def _step(self, events: list[Event]) -> None:
-        table, game = self._table, self.game
-        self._before = self._state()
-        velocity, score = table["velocity"].copy(), self._now_score()
-        left, right = (self._actions_of(seat) for seat in (LEFT, RIGHT))
-        game.step(left, right)
+        game = self.game
+        self._before = self._places()
+        velocity, score = self._state["velocity"].copy(), self._now_score()
+        left, right = (self._actions_of(seat) for seat in SEATS)
+        game.play(left, right)
         if self._recording is not None:
             self._recording.add(left[0], right[0])
         self._bends = self._contacts_of_the_step()
@@ -293,17 +299,17 @@ class LiveMatch:
 
     def _contacts_of_the_step(self) -> list[Contact]:
         """All of them are the puck's: paddles touch nothing else."""
-        count = int(self._table["n_contacts"])
+        count = int(self.game.out.n_contacts[0])
         if not count:
             return []
-        begin = (int(self._table["steps"]) - 1) * self._tick
+        begin = (int(self._state["steps"]) - 1) * self._tick
         found = (Contact(*contact) for contact in self.game.out.contacts[0, :count].tolist())
         return [contact._replace(time=begin + contact.time) for contact in found]
 
     def _puck_at(self, time: float) -> tuple[float, float]:
         """Where the puck was in the last step, (2,) m: on straight lines from contact to contact."""
-        begin = (int(self._table["steps"]) - 1) * self._tick
-        corners = [(begin, *self._before[PUCK]), (begin + self._tick, *self._table["position"][PUCK])]
+        begin = (int(self._state["steps"]) - 1) * self._tick
+        corners = [(begin, *self._before[PUCK]), (begin + self._tick, *self._state["position"][PUCK])]
         for contact in self._bends:
             away = self.spec.puck_radius if contact.a == PUCK else -self.spec.puck_radius  # the normal points at a
             corners.insert(-1, (contact.time, contact.x + away * contact.nx, contact.y + away * contact.ny))
@@ -315,21 +321,21 @@ class LiveMatch:
         """What the player at a seat does in the tick that ends at `_played`, (1, 2)."""
         policy = self._policies[seat]
         if policy is not None:
-            return policy.act(self.game, (self.game.out.observation, self.game.out.other_observation)[seat])
+            return policy.act(self.game)
         if seat == LEFT and self._by_hand:
             return np.array([self._action()], np.float32)
         return _NOTHING  # a scripted player moves its own paddle
 
     def _action(self) -> tuple[float, float]:
         """What the person's paddle does in the tick that ends at `_played`."""
-        place = self._table["position"][LEFT]
+        place = self._state["position"][LEFT]
         if not self._pointer:
             return 0.0, 0.0
         there, velocity = self._pointer.place(self._played), self._pointer.velocity(self._played)
         target = self.hand.reachable(there)
         # A pointer that is out of reach moves the paddle along the edge of its half only.
         vx, vy = (TRUST * v if p == q else 0.0 for v, p, q in zip(velocity, there, target, strict=True))
-        return self.hand.follow(place, self._table["velocity"][LEFT], target, (vx, vy))
+        return self.hand.follow(place, self._state["velocity"][LEFT], target, (vx, vy))
 
     def _stop(self, events: list[Event], seconds: float, notice: str, velocity: NDArray[np.float64]) -> None:
         """Rest on a picture of what ended the rally; the table may have been laid for the serve already."""
@@ -346,12 +352,12 @@ class LiveMatch:
     def _rest(self, since: float, seconds: float, notice: str) -> None:
         self.resting, self.notice, self._rest_until = True, notice, since + seconds
 
-    def _state(self) -> NDArray[np.float64]:
-        return self._table["position"].copy()
+    def _places(self) -> NDArray[np.float64]:
+        return self._state["position"].copy()
 
     def _now_score(self) -> tuple[int, int]:
-        left, right = self._table["score"].tolist()
+        left, right = self._state["score"].tolist()
         return left, right
 
     def _now_clock(self) -> float:
-        return int(self._table["side"]) * int(self._table["clock"]) / self._clock_limit
+        return int(self._state["side"]) * float(self.game.shot_clock[0])

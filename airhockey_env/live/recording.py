@@ -45,7 +45,7 @@ class Recording:
         """What was played, as one take."""
         arguments = arguments_of(self._game)
         full = len(self._left) == 2 * self._limit
-        others = self._right if arguments["opponent"] is None else array("f")
+        right = self._right if arguments["opponent"] is None else array("f")
         return Replay(
             version=__version__,
             fingerprint=fingerprint(arguments),
@@ -56,5 +56,5 @@ class Recording:
             states=self._start,
             ends=self._end if full else self._game.get_state(),
             actions=np.array(self._left, np.float32).reshape(-1, 2),
-            others=np.array(others, np.float32).reshape(-1, 2),
+            right_actions=np.array(right, np.float32).reshape(-1, 2),
         )

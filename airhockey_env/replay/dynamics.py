@@ -7,12 +7,13 @@ import hashlib
 from typing import Any
 
 import numpy as np
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from airhockey_env.checks import NO_LIMIT
 from airhockey_env.game import REWARDS, Game
 from airhockey_env.kernel.parameters import FIELDS
-from airhockey_env.kernel.state import AUTORESET_SAME_STEP, LEFT, PUCK, RIGHT
+from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
 from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.opponents.players import NAMES
 from airhockey_env.spaces import DIRECTIONS
@@ -21,7 +22,7 @@ from airhockey_env.tables import TableSpec
 ROLLOUT_TABLES, ROLLOUT_STEPS, ROLLOUT_LIMIT = 16, 150, 60
 """The fingerprint's rollout: tables, steps on each, and steps that end an episode."""
 
-ROLLOUT_FIELDS = ("position", "velocity", "stream", "clock", "side", "done", "score", "plan", "wander", "potential")
+ROLLOUT_FIELDS = ("position", "velocity", "stream", "clock", "side", "done", "score", "plan", "wander")
 
 
 def arguments_of(game: Game, place: int = 0) -> dict[str, Any]:
@@ -32,7 +33,8 @@ def arguments_of(game: Game, place: int = 0) -> dict[str, Any]:
         place: of the table's opponent in the game's pool. One from outside is None.
     """
     settings = game.settings[0]
-    opponent = game.opponents[place] if game.opponents else None
+    opponents = game.pools[RIGHT].members
+    opponent = opponents[place] if opponents else None
     return {
         "task": next(name for name, task in TASKS.items() if task.number == settings["task"]),
         "opponent": recorded_name(opponent),
@@ -51,26 +53,27 @@ def recorded_name(opponent: Any) -> str | None:
     return opponent if isinstance(opponent, str) and opponent in NAMES else None
 
 
-def game_of(arguments: dict[str, Any], num_tables: int = 1, **changes: Any) -> Game:
+def make_game(arguments: dict[str, Any], num_tables: int = 1, **changes: Any) -> Game:
     """The game that `arguments_of` describes."""
     table = TableSpec(**arguments["table"])
     if not (arguments["opponent"] is None or arguments["opponent"] in NAMES):  # and not a path: a replay opens no file
         raise ValueError(f"opponent must be null or one of {NAMES}, got {arguments['opponent']!r}")
     limit = arguments["max_episode_steps"] or NO_LIMIT  # which was null in files of older versions
     given = {**arguments, "table": table, "max_episode_steps": limit, "num_threads": 1}
-    return Game(num_tables, **{**given, **changes})
+    given["right"] = given.pop("opponent")
+    return Game(num_tables, **{"autoreset_mode": AutoresetMode.DISABLED, **given, **changes})
 
 
-def play(game: Game, action: Any, other: NDArray[np.float32] | None) -> None:
+def play_actions(game: Game, action: Any, right_action: NDArray[np.float32] | None) -> None:
     """Play one step on the one table of a game.
 
     Args:
         game: the game.
         action: of the left player, as a replay holds it.
-        other: (2,) likewise of a right player from outside.
+        right_action: (2,) likewise of a right player whose actions are recorded.
     """
-    targets = game.check_action(action if game.continuous else int(action))
-    game.step(targets, None if other is None else other[np.newaxis])
+    left = game.check_actions(LEFT, np.asarray(action)[np.newaxis] if game.continuous else [int(action)])
+    game.play(left, None if right_action is None else right_action[np.newaxis])
 
 
 def fingerprint(arguments: dict[str, Any]) -> str:
@@ -80,20 +83,19 @@ def fingerprint(arguments: dict[str, Any]) -> str:
         ValueError, TypeError: not arguments of a game.
     """
     n = ROLLOUT_TABLES
-    changes = {"max_episode_steps": ROLLOUT_LIMIT, "autoreset": AUTORESET_SAME_STEP}
-    game = game_of(arguments, n, **changes)
-    game.seed(list(range(n)))
-    game.reset()
+    changes = {"max_episode_steps": ROLLOUT_LIMIT, "autoreset_mode": AutoresetMode.SAME_STEP}
+    game = make_game(arguments, n, **changes)
+    game.reset(seed=0)
     chases = np.arange(n)[:, np.newaxis] % 2 == 0
     digest = hashlib.sha256()
     for step in range(ROLLOUT_STEPS):
-        places = game.tables["position"]
+        places = game.positions
         direction = DIRECTIONS[(step // 8 + np.arange(n)) % len(DIRECTIONS)]
         left = np.where(chases, 5.0 * (places[:, PUCK] - places[:, LEFT]), direction)
         right = np.where(chases, 5.0 * (places[:, RIGHT] - places[:, PUCK]), direction)
-        others = right.astype(np.float32) if arguments["opponent"] is None else None
-        game.step(left.astype(np.float32), others)
+        right_actions = right.astype(np.float32) if arguments["opponent"] is None else None
+        game.play(left.astype(np.float32), right_actions)
         for name in ROLLOUT_FIELDS:
-            digest.update(game.tables[name].tobytes())
+            digest.update(game.states[name].tobytes())
         digest.update(game.out.reward.tobytes())
     return digest.hexdigest()[:32]

@@ -14,17 +14,17 @@ from numpy.typing import NDArray
 
 from airhockey_env.checks import check_number
 from airhockey_env.files import parse_json, read_arrays, replace
-from airhockey_env.game import CONTROL_HZ
+from airhockey_env.game import CONTROL_RATES
 from airhockey_env.spaces import DIRECTIONS
 
-FORMAT = 1
+FORMAT = 2
 """The version of the files' format."""
 
 MOST_BYTES = 256 * 2**20
 """The greatest size of an unpacked file: a week of play at 50 Hz."""
 
 _NOTES = ("version", "fingerprint", "id", "arguments", "seeds")
-_ARRAYS = ("starts", "states", "ends", "actions", "others")
+_ARRAYS = ("starts", "states", "ends", "actions", "right_actions")
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Replay:
     states: NDArray[np.void]
     ends: NDArray[np.void]
     actions: NDArray[Any]
-    others: NDArray[np.float32]
+    right_actions: NDArray[np.float32]
     name: str = "the replay"
     """What errors call it."""
 
@@ -97,7 +97,7 @@ class Replay:
             raise ValueError("version, fingerprint and id must be texts, and arguments an object")
         if not all(seed is None or (type(seed) is int and seed >= 0) for seed in self.seeds):
             raise ValueError("seeds must be whole numbers from 0 up, or null")
-        check_number("control_hz", self.arguments["control_hz"], *CONTROL_HZ)
+        check_number("control_hz", self.arguments["control_hz"], *CONTROL_RATES)
         takes, steps = len(self.starts), len(self.actions)
         shapes = self.starts.shape == self.states.shape == self.ends.shape == (len(self.seeds),)
         if not shapes or not takes or self.starts.dtype != np.int64:
@@ -110,9 +110,9 @@ class Replay:
         else:
             good = self.actions.dtype == np.int8 and self.actions.ndim == 1
             good = good and bool(((self.actions >= 0) & (self.actions < len(DIRECTIONS))).all())
-        others = steps if self.arguments["opponent"] is None else 0
-        good = good and self.others.dtype == np.float32 and self.others.shape == (others, 2)
-        if not good or not np.isfinite(self.others).all():
+        expected = steps if self.arguments["opponent"] is None else 0
+        good = good and self.right_actions.dtype == np.float32 and self.right_actions.shape == (expected, 2)
+        if not good or not np.isfinite(self.right_actions).all():
             raise ValueError("the actions are not those of the arguments")
 
 

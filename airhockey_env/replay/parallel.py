@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from airhockey_env.kernel.state import RIGHT
 from airhockey_env.parallel_env import AirHockeyParallelEnv  # first: it says what to install
-from airhockey_env.replay.takes import Recorder, check_played
+from airhockey_env.replay.recorder import Recorder, check_played
 
 from pettingzoo.utils import BaseParallelWrapper  # isort: skip
 
@@ -34,7 +35,7 @@ class RecordParallelReplay(Recorder, BaseParallelWrapper[str, Any, Any]):
     ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """Begin an episode, and a take."""
         result = self.env.reset(seed=seed, options=options)
-        self._takes[0].begin(self._state(0), None if seed is None else int(seed))
+        self._recordings[0].begin(self._state(0), None if seed is None else int(seed))
         return result
 
     def step(
@@ -45,8 +46,8 @@ class RecordParallelReplay(Recorder, BaseParallelWrapper[str, Any, Any]):
         result = self.env.step(actions)
         after = self._state(0)
         if check_played(before, after, "RecordParallelReplay"):  # and not step({}) after the end
-            other = self._game.check_action(actions["right"])[0]
-            self._takes[0].add(before, self._action(actions["left"]), other, after)
+            right_action = self._game.check_actions(RIGHT, actions["right"])[0]
+            self._recordings[0].add(before, self._action(actions["left"]), right_action, after)
             if not self.env.agents:
                 self._save_now_and_then()
         return result

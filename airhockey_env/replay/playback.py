@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from airhockey_env._base import draw_row, make_renderer
 from airhockey_env.game import Game
-from airhockey_env.kernel.parameters import spec_of, with_spec
+from airhockey_env.kernel.parameters import spec_of, with_specs
 from airhockey_env.opponents.players import NAMES
-from airhockey_env.replay.dynamics import fingerprint, game_of, play, recorded_name
+from airhockey_env.replay.dynamics import fingerprint, make_game, play_actions, recorded_name
 from airhockey_env.replay.file import Replay
+from airhockey_env.saved_states import game_state
 from airhockey_env.version import __version__
 
 
@@ -71,7 +72,7 @@ def _prepared(replay: Replay | str | Path) -> tuple[Replay, Game]:
         opponent = replay.arguments["opponent"]
         if opponent is not None and recorded_name(opponent) is None:  # the path of a file, say
             raise ValueError(f"opponent must be null or one of {NAMES}, got {opponent!r}")
-        game = game_of(replay.arguments)
+        game = make_game(replay.arguments)
         now = fingerprint(replay.arguments)
     except (TypeError, ValueError, KeyError, AttributeError, OverflowError, RecursionError) as error:
         raise ValueError(f"{replay.name} holds a game that this version does not have: {error}") from error
@@ -85,24 +86,24 @@ def _prepared(replay: Replay | str | Path) -> tuple[Replay, Game]:
         raise ValueError(f"{replay.name} holds states of another layout than those of this version {__version__}")
     for states in (replay.states, replay.ends):
         _check_states(replay, game, states)
-    if (replay.states["table"] if game.randomized else replay.states)["done"].any():
+    if game_state(replay.states)["done"].any():
         raise ValueError(f"{replay.name} begins a take with a game that is over")
     return replay, game
 
 
 def _check_states(replay: Replay, game: Game, states: NDArray[np.void]) -> None:
     """What `Game.set_state` leaves to its callers: that an episode is under way, under physics that there can be."""
-    table = states["table"] if game.randomized else states
+    table = game_state(states)
     counts = [table[name] for name in ("steps", "clock", "score")]
     if not (np.abs(table["side"]) == 1).all() or any((count < 0).any() for count in counts):
         raise ValueError(f"{replay.name} holds states of a game that never began")
     if game.randomized:
-        for physics in states["physics"]:
+        for params in states["parameters"]:
             try:
-                spec_of(physics)
+                spec_of(params)
             except ValueError as error:
                 raise ValueError(f"{replay.name} holds the physics of no table: {error}") from error
-        if with_spec(states["physics"], states["physics"]["spec"]).tobytes() != states["physics"].tobytes():
+        if with_specs(states["parameters"], states["parameters"]["spec"]).tobytes() != states["parameters"].tobytes():
             raise ValueError(f"{replay.name} holds physics that do not follow from its table")
 
 
@@ -116,9 +117,9 @@ def _played(replay: Replay, game: Game) -> Iterator[None]:
             raise ValueError(f"{replay.name} holds a state that no game can be in: {error}") from error
         yield
         for k in range(start, stop):
-            if game.tables["done"][0]:
+            if game.done[0]:
                 raise ValueError(f"{replay.name} goes on after the end of a game, in step {k}")
-            play(game, replay.actions[k], replay.others[k] if len(replay.others) else None)
+            play_actions(game, replay.actions[k], replay.right_actions[k] if len(replay.right_actions) else None)
             yield
         if game.get_state().tobytes() != replay.ends[take].tobytes():
             raise ValueError(

@@ -13,8 +13,9 @@ from gymnasium.vector import AutoresetMode, VectorActionWrapper, VectorEnv, Vect
 from numpy.typing import NDArray
 
 from airhockey_env.env import AirHockeyEnv
-from airhockey_env.replay.dynamics import game_of, play, recorded_name
-from airhockey_env.replay.takes import Recorder, check_played
+from airhockey_env.kernel.state import RIGHT
+from airhockey_env.replay.dynamics import make_game, play_actions, recorded_name
+from airhockey_env.replay.recorder import Recorder, check_played
 from airhockey_env.vector_env import AirHockeyVectorEnv
 
 
@@ -48,7 +49,7 @@ class RecordReplay(Recorder, gym.Wrapper, RecordConstructorArgs):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begin an episode, and a take."""
         result = self.env.reset(seed=seed, options=options)
-        self._takes[0].begin(self._state(0), None if seed is None else int(seed))
+        self._recordings[0].begin(self._state(0), None if seed is None else int(seed))
         return result
 
     def step(self, action: Any) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
@@ -61,8 +62,9 @@ class RecordReplay(Recorder, gym.Wrapper, RecordConstructorArgs):
         result = self.env.step(action)
         after = self._state(0)
         if check_played(before, after, "RecordReplay"):  # and not a reset by a wrapper, which the next step will notice
-            other = self._game.answers[0] if recorded_name(self._game.opponents[0]) is None else None
-            self._takes[0].add(before, self._action(action), other, after)
+            pool = self._game.pools[RIGHT]
+            right_action = pool.last_actions[0] if recorded_name(pool.members[0]) is None else None
+            self._recordings[0].add(before, self._action(action), right_action, after)
         if result[2] or result[3]:
             self._save_now_and_then()
         return result
@@ -105,16 +107,16 @@ class RecordVectorReplay(Recorder, VectorWrapper, RecordConstructorArgs):
         self._record(batch._game, path, rows, None if env.spec is None else env.spec.id)
         self._opponent = self._opponent_of(rows[0])
         self._check_opponents()
-        self._alone = game_of(self._arguments)
+        self._alone = make_game(self._arguments)
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begin an episode, and a take, on every table, or on those of `options["reset_mask"]`."""
         result = self.env.reset(seed=seed, options=options)
         mask = options.get("reset_mask") if isinstance(options, Mapping) else None
-        seeds = self._batch._check_seeds(seed)
-        for i, takes in self._takes.items():
+        seeds = self._game.check_seeds(seed)
+        for i, recording in self._recordings.items():
             if mask is None or mask[i]:
-                takes.begin(self._state(i), seeds[i])
+                recording.begin(self._state(i), seeds[i])
         return result
 
     def step(
@@ -127,24 +129,24 @@ class RecordVectorReplay(Recorder, VectorWrapper, RecordConstructorArgs):
                 then), or a wrapper inside has played more than this step.
         """
         self._check_opponents()
-        before = {i: self._state(i) for i in self._takes}
+        before = {i: self._state(i) for i in self._recordings}
         result = self.env.step(actions)
         over = result[2] | result[3]
-        for i, takes in self._takes.items():
+        for i, recording in self._recordings.items():
             after = self._state(i)
             action = self._action(actions[i])
-            other = self._game.answers[i] if self._opponent is None else None
+            right_action = self._game.pools[RIGHT].last_actions[i] if self._opponent is None else None
             if over[i] and self._batch.autoreset_mode == AutoresetMode.SAME_STEP:
                 # The end itself is gone: it is played once more.
                 self._alone.set_state(before[i])
-                play(self._alone, action, other)
-                takes.add(before[i], action, other, self._alone.get_state())
-                takes.begin(after)
+                play_actions(self._alone, action, right_action)
+                recording.add(before[i], action, right_action, self._alone.get_state())
+                recording.begin(after)
             elif check_played(before[i], after, "RecordVectorReplay"):
-                takes.add(before[i], action, other, after)
+                recording.add(before[i], action, right_action, after)
             else:
-                takes.begin(after)
-        if any(over[i] for i in self._takes):
+                recording.begin(after)
+        if any(over[i] for i in self._recordings):
             self._save_now_and_then()
         return result
 
@@ -155,10 +157,11 @@ class RecordVectorReplay(Recorder, VectorWrapper, RecordConstructorArgs):
 
     def _opponent_of(self, table: int) -> str | None:
         """Who plays on a table: a scripted player's name, or None for one from outside."""
-        return recorded_name(self._game.opponents[self._game.tables["opponent"][table]])
+        pool = self._game.pools[RIGHT]
+        return recorded_name(pool.members[pool.indices[table]])
 
     def _check_opponents(self) -> None:
-        for i in self._takes:
+        for i in self._recordings:
             opponent = self._opponent_of(i)
             if opponent != self._opponent:
                 mine, its = (name or "an opponent from outside" for name in (self._opponent, opponent))

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from gymnasium.error import DependencyNotInstalled
 
-from airhockey_env.opponents.players import NAMES, Opponent, member_of
+from airhockey_env.opponents.players import NAMES, Player, resolve_player
 from airhockey_env.web.access import Access
 from airhockey_env.web.catalogue import Catalogue
 from airhockey_env.web.sessions import SESSIONS
@@ -59,20 +59,20 @@ def parser() -> argparse.ArgumentParser:
     return result
 
 
-def named_players(given: list[str]) -> dict[str, Opponent]:
+def named_players(given: list[str]) -> dict[str, Player]:
     """The players that `--player` names, by what visitors call them.
 
     Raises:
         ValueError: a file holds no policy, or two players have the same name.
     """
-    players: dict[str, Opponent] = {}
+    players: dict[str, Player] = {}
     for text in given:
         name, _, path = text.rpartition("=")
         file = Path(path)
         name = name or (file.parent.name if file.name == "policy.npz" else file.stem) or str(file)
         if name in players or name in NAMES:
             raise ValueError(f"--player must give every player a name of its own, NAME=PATH; {name!r} is taken")
-        players[name] = member_of(file)
+        players[name] = resolve_player("--player", file)
     return players
 
 

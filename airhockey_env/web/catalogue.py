@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from airhockey_env.drawing.palette import COLORS
-from airhockey_env.opponents.players import NAMES, Opponent
+from airhockey_env.opponents.players import NAMES, Player
 from airhockey_env.tables import PRESETS, TableSpec
 
 
@@ -19,8 +19,8 @@ class Catalogue:
         runs: names of training runs, and their folders.
     """
 
-    def __init__(self, players: Mapping[str, Opponent] | None = None, runs: Mapping[str, Path] | None = None) -> None:
-        self.players: dict[str, Opponent] = {**{name: name for name in NAMES}, **(players or {})}
+    def __init__(self, players: Mapping[str, Player] | None = None, runs: Mapping[str, Path] | None = None) -> None:
+        self.players: dict[str, Player] = {**{name: name for name in NAMES}, **(players or {})}
         self.tables: dict[str, TableSpec] = dict(PRESETS)
         self.runs: dict[str, Path] = dict(runs or {})
 

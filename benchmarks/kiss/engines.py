@@ -207,7 +207,7 @@ def table(data: dict[str, Any]) -> list[tuple[str, ...]]:
         f"missed at {FAST:g} m/s",
         "energy drift",
         "time per simulated second",
-        f"to {OURS}'s",
+        f"relative to {OURS}",
     )
     rows: list[tuple[str, ...]] = [head]
     for hz in sorted({row["hz"] for row in data["rows"]}):

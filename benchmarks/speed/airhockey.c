@@ -1,6 +1,6 @@
 /* The default game, AirHockey-v0, in C: what the compiled batch step is measured against.
  *
- * One point against the striker at full skill, on one table's physics for all, with states as observations, the sparse
+ * One point against the striker at full skill, on one table's parameters for all, with states as observations, the sparse
  * reward and automatic resets: the same game as airhockey_env/kernel/step.py with its defaults, and the same numbers to the
  * bit, because every expression is evaluated in the same order (compile without contraction and fast-math:
  * benchmarks/speed/reference.py does). What is general there is not here: there are no tasks, no other players, no
@@ -21,7 +21,7 @@ static const double TOUCH_SPEED = 1e-12, TOUCH_GAP = 1e-14;
 
 typedef struct { double x, y; } Vector;
 
-/* Fields of PHYSICS (airhockey_env/kernel/state.py), in its order. */
+/* Fields of PARAMETERS (airhockey_env/kernel/state.py), in its order. */
 typedef struct {
     double tick;
     int64_t clock_limit;
@@ -31,17 +31,15 @@ typedef struct {
     double glide_p, glide_q, glide_r, glide_s;
     double puck_speed, paddle_speed, paddle_step;
     double per_x, per_y, per_paddle, per_puck, per_clock;
-} Physics;
+} Parameters;
 
-/* The fields of TABLE that this game needs. */
+/* The fields of STATE that this game needs. */
 typedef struct {
     Vector position[3], velocity[3];
     double plan;
     uint64_t stream;
-    int32_t n_contacts, success, steps, clock, score[2];
-    int8_t side;
-    bool done;
-} Table;
+    int32_t steps, clock, score[2], side, done;
+} State;
 
 typedef struct {
     double time;
@@ -54,8 +52,8 @@ typedef struct {
     int32_t *score, *final_score, *n_contacts;
     int8_t *point;
     bool *foul, *success;
-    double *reward;
-    bool *terminated, *truncated;
+    double *reward, *right_reward;
+    bool *terminated, *truncated, *began;
     Contact *contacts;
 } Outputs;
 
@@ -65,29 +63,29 @@ static inline double clamp(double value, double limit) { return least(greatest(v
 
 /* Random numbers: SplitMix64 ---------------------------------------------------------------------------------- */
 
-static inline double draw(Table *table)
+static inline double draw(State *state)
 {
-    uint64_t z = table->stream += 0x9E3779B97F4A7C15u;
+    uint64_t z = state->stream += 0x9E3779B97F4A7C15u;
     z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
     z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
     z ^= z >> 31;
     return (double)(z >> 11) * (1.0 / 9007199254740992.0);
 }
 
-static inline double draw_between(Table *table, double low, double high) { return low + (high - low) * draw(table); }
+static inline double draw_between(State *state, double low, double high) { return low + (high - low) * draw(state); }
 
 /* The striker --------------------------------------------------------------------------------------------------- */
 
 /* The table as the right player sees it, turned by 180 degrees. */
 typedef struct { Vector own, other, puck, puck_velocity; } View;
 
-static inline Vector towards(const View *seen, const Physics *law, double x, double y)
+static inline Vector towards(const View *seen, const Parameters *params, double x, double y)
 {
     double dx = x - seen->own.x, dy = y - seen->own.y;
     double distance = sqrt(dx * dx + dy * dy);
-    double braking = sqrt(BRAKING * law->paddle_step / law->tick * distance);
-    double speed = least(least(braking, distance / law->tick), law->paddle_speed);
-    double share = speed / (law->paddle_speed * greatest(distance, 1e-9));
+    double braking = sqrt(BRAKING * params->paddle_step / params->tick * distance);
+    double speed = least(least(braking, distance / params->tick), params->paddle_speed);
+    double share = speed / (params->paddle_speed * greatest(distance, 1e-9));
     return (Vector){dx * share, dy * share};
 }
 
@@ -100,56 +98,56 @@ static inline double folded(double y, double limit)
     return clamp(y, limit);
 }
 
-static inline Vector defend(const View *seen, const Physics *law)
+static inline Vector defend(const View *seen, const Parameters *params)
 {
-    double guard = -GUARD * law->half_length;
+    double guard = -GUARD * params->half_length;
     Vector puck = seen->puck, velocity = seen->puck_velocity;
-    if (puck.x < seen->own.x && fabs(puck.y) > law->half_goal)
-        return towards(seen, law, guard, clamp(puck.y, 0.5 * law->half_goal));
+    if (puck.x < seen->own.x && fabs(puck.y) > params->half_goal)
+        return towards(seen, params, guard, clamp(puck.y, 0.5 * params->half_goal));
     double y = 0.5 * puck.y;
     if (velocity.x < -0.3 && puck.x > guard) {
         y = puck.y + velocity.y * (guard - puck.x) / velocity.x;
-        if (velocity.x > -0.4 * law->paddle_speed)
-            y = folded(y, law->half_width - law->radius[PUCK]);
+        if (velocity.x > -0.4 * params->paddle_speed)
+            y = folded(y, params->half_width - params->radius[PUCK]);
     }
-    return towards(seen, law, guard, clamp(y, 1.6 * law->half_goal));
+    return towards(seen, params, guard, clamp(y, 1.6 * params->half_goal));
 }
 
-static inline Vector aim(const View *seen, const Physics *law, double x, double y, double plan)
+static inline Vector aim(const View *seen, const Parameters *params, double x, double y, double plan)
 {
-    double wall = law->half_width - law->radius[PUCK];
-    double spread = 0.7 * (law->half_goal - law->radius[PUCK]);
+    double wall = params->half_width - params->radius[PUCK];
+    double spread = 0.7 * (params->half_goal - params->radius[PUCK]);
     double goal_y;
     if (plan < 0.4) {
         goal_y = seen->other.y < 0.0 ? spread : -spread;
     } else {
         double side = plan < 0.7 ? 1.0 : -1.0;
         double part = plan < 0.7 ? (plan - 0.4) / 0.3 : (plan - 0.7) / 0.3;
-        double bend = law->wall_tangential / greatest(law->wall_restitution, 0.1);
+        double bend = params->wall_tangential / greatest(params->wall_restitution, 0.1);
         goal_y = side * (wall + bend * (wall + part * spread));
     }
-    double dx = law->half_length - x, dy = goal_y - y;
+    double dx = params->half_length - x, dy = goal_y - y;
     double length = sqrt(dx * dx + dy * dy);
     return (Vector){dx / length, dy / length};
 }
 
-static inline Vector striker(const View *seen, const Physics *law, double plan)
+static inline Vector striker(const View *seen, const Parameters *params, double plan)
 {
     Vector own = seen->own, puck = seen->puck, velocity = seen->puck_velocity;
-    double reach = law->radius[LEFT] + law->radius[PUCK];
-    double far_x = law->half_length - law->radius[LEFT], far_y = law->half_width - law->radius[LEFT];
+    double reach = params->radius[LEFT] + params->radius[PUCK];
+    double far_x = params->half_length - params->radius[LEFT], far_y = params->half_width - params->radius[LEFT];
     double speed = sqrt(velocity.x * velocity.x + velocity.y * velocity.y);
-    if (puck.x > 0.0 || velocity.x > 0.3 * law->paddle_speed || speed > 0.75 * law->paddle_speed)
-        return defend(seen, law);
+    if (puck.x > 0.0 || velocity.x > 0.3 * params->paddle_speed || speed > 0.75 * params->paddle_speed)
+        return defend(seen, params);
 
     double gap_x = puck.x - own.x, gap_y = puck.y - own.y;
     double gap = sqrt(gap_x * gap_x + gap_y * gap_y);
-    double lead = greatest(0.0, gap - reach) / law->paddle_speed;
-    double x = greatest(puck.x + velocity.x * lead, law->radius[PUCK] - law->half_length);
-    double y = folded(puck.y + velocity.y * lead, law->half_width - law->radius[PUCK]);
+    double lead = greatest(0.0, gap - reach) / params->paddle_speed;
+    double x = greatest(puck.x + velocity.x * lead, params->radius[PUCK] - params->half_length);
+    double y = folded(puck.y + velocity.y * lead, params->half_width - params->radius[PUCK]);
 
-    Vector course = aim(seen, law, x, y, plan);
-    double shot = 0.8 * (1.0 + law->disc_restitution) * law->paddle_speed;
+    Vector course = aim(seen, params, x, y, plan);
+    double shot = 0.8 * (1.0 + params->disc_restitution) * params->paddle_speed;
     double nx = shot * course.x - velocity.x, ny = shot * course.y - velocity.y;
     double length = sqrt(nx * nx + ny * ny);
     nx = nx / length;
@@ -169,15 +167,15 @@ static inline Vector striker(const View *seen, const Physics *law, double plan)
         if (to_x < -0.9 * reach || fabs(to_y) < reach)
             behind_x = own.x;
     }
-    return towards(seen, law, behind_x, behind_y);
+    return towards(seen, params, behind_x, behind_y);
 }
 
-static inline Vector opponent(const Table *table, const Physics *law)
+static inline Vector opponent(const State *state, const Parameters *params)
 {
-    const Vector *p = table->position;
-    Vector v = table->velocity[PUCK];
+    const Vector *p = state->position;
+    Vector v = state->velocity[PUCK];
     View seen = {{-p[RIGHT].x, -p[RIGHT].y}, {-p[LEFT].x, -p[LEFT].y}, {-p[PUCK].x, -p[PUCK].y}, {-v.x, -v.y}};
-    Vector action = striker(&seen, law, table->plan);
+    Vector action = striker(&seen, params, state->plan);
     double share = 1.0 / greatest(sqrt(action.x * action.x + action.y * action.y), 1.0);
     return (Vector){action.x * share, action.y * share};
 }
@@ -194,27 +192,27 @@ static inline double within(double place, double velocity, double low, double hi
     return velocity;
 }
 
-static inline void drive(Table *table, const Physics *law, int player, Vector action)
+static inline void drive(State *state, const Parameters *params, int player, Vector action)
 {
     double forward = player == LEFT ? 1.0 : -1.0;
     double ax = least(greatest(action.x, -1.0), 1.0), ay = least(greatest(action.y, -1.0), 1.0);
     double length2 = ax * ax + ay * ay;
-    double scale = forward * law->paddle_speed;
+    double scale = forward * params->paddle_speed;
     if (length2 > 1.0)
         scale /= sqrt(length2);
-    Vector *position = &table->position[player], *velocity = &table->velocity[player];
+    Vector *position = &state->position[player], *velocity = &state->velocity[player];
     double dvx = ax * scale - velocity->x, dvy = ay * scale - velocity->y;
     double change2 = dvx * dvx + dvy * dvy;
-    if (change2 > law->paddle_step * law->paddle_step) {
-        double share = law->paddle_step / sqrt(change2);
+    if (change2 > params->paddle_step * params->paddle_step) {
+        double share = params->paddle_step / sqrt(change2);
         dvx *= share;
         dvy *= share;
     }
-    double near = law->radius[player], far = law->half_length - law->radius[player];
+    double near = params->radius[player], far = params->half_length - params->radius[player];
     double low = player == LEFT ? -far : near, high = player == LEFT ? -near : far;
-    double side = law->half_width - law->radius[player];
-    velocity->x = within(position->x, velocity->x + dvx, low, high, law->tick);
-    velocity->y = within(position->y, velocity->y + dvy, -side, side, law->tick);
+    double side = params->half_width - params->radius[player];
+    velocity->x = within(position->x, velocity->x + dvx, low, high, params->tick);
+    velocity->y = within(position->y, velocity->y + dvy, -side, side, params->tick);
 }
 
 /* The engine ---------------------------------------------------------------------------------------------------- */
@@ -248,25 +246,25 @@ static inline double kiss_time(double dx, double dy, double vx, double vy, doubl
     return greatest(0.0, (-approach - sqrt(top_leg2)) / speed2);
 }
 
-static inline double approach_of(const Table *table, int paddle)
+static inline double approach_of(const State *state, int paddle)
 {
-    const Vector *p = table->position, *v = table->velocity;
+    const Vector *p = state->position, *v = state->velocity;
     return (p[paddle].x - p[PUCK].x) * (v[paddle].x - v[PUCK].x)
          + (p[paddle].y - p[PUCK].y) * (v[paddle].y - v[PUCK].y);
 }
 
-static Kiss earlier_edge(Vector p, Vector v, const Physics *law, Kiss best)
+static Kiss earlier_edge(Vector p, Vector v, const Parameters *params, Kiss best)
 {
-    double radius = law->radius[PUCK];
+    double radius = params->radius[PUCK];
     double end = v.x > 0.0 ? 1.0 : -1.0;
-    double limit = law->half_length - radius;
+    double limit = params->half_length - radius;
     if (end * (p.x + v.x * best.time) > limit && v.x != 0.0) {
         double time = greatest(0.0, (limit - end * p.x) / (end * v.x));
-        if (time < best.time && fabs(p.y + v.y * time) >= law->half_goal)
+        if (time < best.time && fabs(p.y + v.y * time) >= params->half_goal)
             best = (Kiss){time, WALL, end > 0.0 ? 0 : 1};
     }
     double side = v.y > 0.0 ? 1.0 : -1.0;
-    limit = law->half_width - radius;
+    limit = params->half_width - radius;
     if (side * (p.y + v.y * best.time) > limit && v.y != 0.0) {
         double time = greatest(0.0, (limit - side * p.y) / (side * v.y));
         if (time < best.time)
@@ -274,16 +272,16 @@ static Kiss earlier_edge(Vector p, Vector v, const Physics *law, Kiss best)
     }
     for (int number = 0; number < 2; number++) {
         end = number == 0 ? 1.0 : -1.0;
-        if (greatest(end * p.x, end * (p.x + v.x * best.time)) <= law->half_length - radius)
+        if (greatest(end * p.x, end * (p.x + v.x * best.time)) <= params->half_length - radius)
             continue;
         for (int post = 0; post < 2; post++) {
             side = post == 0 ? 1.0 : -1.0;
-            double time = kiss_time(p.x - end * law->half_length, p.y - side * law->half_goal, v.x, v.y, radius);
+            double time = kiss_time(p.x - end * params->half_length, p.y - side * params->half_goal, v.x, v.y, radius);
             if (time < best.time)
                 best = (Kiss){time, POST, 2 * number + post};
         }
         if (end * v.x > 0.0) {
-            double time = greatest(0.0, (law->half_length - end * p.x) / (end * v.x));
+            double time = greatest(0.0, (params->half_length - end * p.x) / (end * v.x));
             if (time < best.time)
                 best = (Kiss){time, GOAL, number};
         }
@@ -291,27 +289,27 @@ static Kiss earlier_edge(Vector p, Vector v, const Physics *law, Kiss best)
     return best;
 }
 
-static inline Kiss next_kiss(const Table *table, const Physics *law, double horizon)
+static inline Kiss next_kiss(const State *state, const Parameters *params, double horizon)
 {
-    const Vector *p = table->position, *v = table->velocity;
+    const Vector *p = state->position, *v = state->velocity;
     Kiss best = {horizon, NOTHING, -1};
     for (int a = LEFT; a <= RIGHT; a++) {
         double time = kiss_time(p[a].x - p[PUCK].x, p[a].y - p[PUCK].y, v[a].x - v[PUCK].x, v[a].y - v[PUCK].y,
-                                law->radius[a] + law->radius[PUCK]);
+                                params->radius[a] + params->radius[PUCK]);
         if (time < best.time
-            || (time == best.time && best.kind == DISC && approach_of(table, a) < approach_of(table, best.which)))
+            || (time == best.time && best.kind == DISC && approach_of(state, a) < approach_of(state, best.which)))
             best = (Kiss){time, DISC, a};
     }
-    double reach_x = law->half_length - law->radius[PUCK], reach_y = law->half_width - law->radius[PUCK];
+    double reach_x = params->half_length - params->radius[PUCK], reach_y = params->half_width - params->radius[PUCK];
     if (fabs(p[PUCK].x) > reach_x || fabs(p[PUCK].x + v[PUCK].x * best.time) > reach_x || fabs(p[PUCK].y) > reach_y
         || fabs(p[PUCK].y + v[PUCK].y * best.time) > reach_y)
-        best = earlier_edge(p[PUCK], v[PUCK], law, best);
+        best = earlier_edge(p[PUCK], v[PUCK], params, best);
     return best;
 }
 
-static int strike_disc(Table *table, const Physics *law, int a, Contact *contacts, int count, double time)
+static int strike_disc(State *state, const Parameters *params, int a, Contact *contacts, int count, double time)
 {
-    Vector *p = table->position, *v = table->velocity;
+    Vector *p = state->position, *v = state->velocity;
     double dx = p[a].x - p[PUCK].x, dy = p[a].y - p[PUCK].y;
     double distance = sqrt(dx * dx + dy * dy);
     double vx = v[a].x - v[PUCK].x, vy = v[a].y - v[PUCK].y;
@@ -319,225 +317,230 @@ static int strike_disc(Table *table, const Physics *law, int a, Contact *contact
     if (!(approach < 0.0))
         return count;
     double nx = dx / distance, ny = dy / distance;
-    double impulse = -(1.0 + law->disc_restitution) * (approach / distance) / law->inverse_mass[PUCK];
-    v[PUCK].x -= impulse * law->inverse_mass[PUCK] * nx;
-    v[PUCK].y -= impulse * law->inverse_mass[PUCK] * ny;
+    double impulse = -(1.0 + params->disc_restitution) * (approach / distance) / params->inverse_mass[PUCK];
+    v[PUCK].x -= impulse * params->inverse_mass[PUCK] * nx;
+    v[PUCK].y -= impulse * params->inverse_mass[PUCK] * ny;
     if (count < CONTACT_ROWS) {
-        double radius = law->radius[PUCK];
+        double radius = params->radius[PUCK];
         contacts[count] = (Contact){time, a, PUCK, p[PUCK].x + radius * nx, p[PUCK].y + radius * ny, nx, ny, impulse};
     }
     return count + 1;
 }
 
-static int strike_edge(Table *table, const Physics *law, double nx, double ny, Contact *contacts, int count, double time)
+static int strike_edge(State *state, const Parameters *params, double nx, double ny, Contact *contacts, int count, double time)
 {
-    Vector p = table->position[PUCK], *v = &table->velocity[PUCK];
+    Vector p = state->position[PUCK], *v = &state->velocity[PUCK];
     double normal = v->x * nx + v->y * ny;
     if (!(normal < 0.0))
         return count;
     double tangent = v->y * nx - v->x * ny;
-    double normal_after = -law->wall_restitution * normal, tangent_after = law->wall_tangential * tangent;
+    double normal_after = -params->wall_restitution * normal, tangent_after = params->wall_tangential * tangent;
     v->x = normal_after * nx - tangent_after * ny;
     v->y = normal_after * ny + tangent_after * nx;
     if (count < CONTACT_ROWS) {
-        double radius = law->radius[PUCK], impulse = (normal_after - normal) / law->inverse_mass[PUCK];
+        double radius = params->radius[PUCK], impulse = (normal_after - normal) / params->inverse_mass[PUCK];
         contacts[count] = (Contact){time, PUCK, -1, p.x - radius * nx, p.y - radius * ny, nx, ny, impulse};
     }
     return count + 1;
 }
 
-static int resolve(Table *table, const Physics *law, Kiss kiss, Contact *contacts, int count, double time)
+static int resolve(State *state, const Parameters *params, Kiss kiss, Contact *contacts, int count, double time)
 {
-    Vector *p = &table->position[PUCK];
+    Vector *p = &state->position[PUCK];
     if (kiss.kind == DISC)
-        return strike_disc(table, law, kiss.which, contacts, count, time);
+        return strike_disc(state, params, kiss.which, contacts, count, time);
     if (kiss.kind == WALL) {
         double sign = kiss.which % 2 == 0 ? 1.0 : -1.0;
         if (kiss.which < 2) {
-            p->x = sign * (law->half_length - law->radius[PUCK]);
-            return strike_edge(table, law, -sign, 0.0, contacts, count, time);
+            p->x = sign * (params->half_length - params->radius[PUCK]);
+            return strike_edge(state, params, -sign, 0.0, contacts, count, time);
         }
-        p->y = sign * (law->half_width - law->radius[PUCK]);
-        return strike_edge(table, law, 0.0, -sign, contacts, count, time);
+        p->y = sign * (params->half_width - params->radius[PUCK]);
+        return strike_edge(state, params, 0.0, -sign, contacts, count, time);
     }
     double end = kiss.which / 2 == 0 ? 1.0 : -1.0, side = kiss.which % 2 == 0 ? 1.0 : -1.0;
-    double dx = p->x - end * law->half_length, dy = p->y - side * law->half_goal;
+    double dx = p->x - end * params->half_length, dy = p->y - side * params->half_goal;
     double distance = sqrt(dx * dx + dy * dy);
-    return strike_edge(table, law, dx / distance, dy / distance, contacts, count, time);
+    return strike_edge(state, params, dx / distance, dy / distance, contacts, count, time);
 }
 
 /* Discs that are squeezed give way; see `relieve` in airhockey_env/engine/impact.py. */
-static inline bool relieve(Table *table, Kiss kiss, int hits)
+static inline bool relieve(State *state, Kiss kiss, int hits)
 {
     if (hits <= CONTACT_LIMIT)
         return false;
     if (kiss.kind == DISC)
-        table->velocity[kiss.which] = (Vector){0.0, 0.0};
+        state->velocity[kiss.which] = (Vector){0.0, 0.0};
     if (hits <= 2 * CONTACT_LIMIT)
         return false;
-    table->velocity[PUCK] = (Vector){0.0, 0.0};
+    state->velocity[PUCK] = (Vector){0.0, 0.0};
     return true;
 }
 
-static inline void glide(Vector *v, const Physics *law)
+static inline void glide(Vector *v, const Parameters *params)
 {
     double speed = sqrt(v->x * v->x + v->y * v->y);
     if (speed > 0.0) {
-        double share = greatest(0.0, law->glide_p * speed - law->glide_q)
-                     / ((law->glide_r * speed + law->glide_s) * speed);
-        if (share * speed > law->puck_speed)
-            share = law->puck_speed / speed;
+        double share = greatest(0.0, params->glide_p * speed - params->glide_q)
+                     / ((params->glide_r * speed + params->glide_s) * speed);
+        if (share * speed > params->puck_speed)
+            share = params->puck_speed / speed;
         v->x *= share;
         v->y *= share;
     }
 }
 
 /* Play one tick. Returns the side of the goal that was hit, or 0. */
-static inline int play_tick(Table *table, const Physics *law, Contact *contacts)
+static inline int play_tick(State *state, const Parameters *params, Contact *contacts, int32_t *n_contacts)
 {
     double elapsed = 0.0;
     int count = 0, hits = 0, goal = 0;
-    glide(&table->velocity[PUCK], law);
+    glide(&state->velocity[PUCK], params);
     for (;;) {
-        Kiss kiss = next_kiss(table, law, law->tick - elapsed);
+        Kiss kiss = next_kiss(state, params, params->tick - elapsed);
         for (int disc = LEFT; disc <= PUCK; disc++) {
-            table->position[disc].x += table->velocity[disc].x * kiss.time;
-            table->position[disc].y += table->velocity[disc].y * kiss.time;
+            state->position[disc].x += state->velocity[disc].x * kiss.time;
+            state->position[disc].y += state->velocity[disc].y * kiss.time;
         }
         if (kiss.kind == NOTHING)
             break;
         elapsed += kiss.time;
         if (kiss.kind == GOAL) {
             goal = kiss.which == 0 ? 1 : -1;
-            table->position[PUCK].x = goal * law->half_length;
+            state->position[PUCK].x = goal * params->half_length;
             break;
         }
-        if (!relieve(table, kiss, ++hits))
-            count = resolve(table, law, kiss, contacts, count, elapsed);
+        if (!relieve(state, kiss, ++hits))
+            count = resolve(state, params, kiss, contacts, count, elapsed);
     }
-    glide(&table->velocity[PUCK], law);
-    table->n_contacts = count < CONTACT_ROWS ? count : CONTACT_ROWS;
+    glide(&state->velocity[PUCK], params);
+    *n_contacts = count < CONTACT_ROWS ? count : CONTACT_ROWS;
     return goal;
 }
 
 /* Rules --------------------------------------------------------------------------------------------------------- */
 
-static inline void give(Table *table, int side)
+static inline void give(State *state, int side)
 {
-    table->side = (int8_t)side;
-    table->clock = 0;
-    table->plan = draw(table);
+    state->side = side;
+    state->clock = 0;
+    state->plan = draw(state);
 }
 
-static void serve(Table *table, const Physics *law, int side)
+static void serve(State *state, const Parameters *params, int side)
 {
-    table->position[LEFT] = (Vector){-HOME * law->half_length, 0.0};
-    table->position[RIGHT] = (Vector){HOME * law->half_length, 0.0};
+    state->position[LEFT] = (Vector){-HOME * params->half_length, 0.0};
+    state->position[RIGHT] = (Vector){HOME * params->half_length, 0.0};
     for (int disc = LEFT; disc <= PUCK; disc++)
-        table->velocity[disc] = (Vector){0.0, 0.0};
-    table->position[PUCK].x = side * law->half_length * draw_between(table, SERVE_NEAR, SERVE_FAR);
-    table->position[PUCK].y = side * law->half_width * draw_between(table, -SERVE_WIDE, SERVE_WIDE);
-    give(table, side);
+        state->velocity[disc] = (Vector){0.0, 0.0};
+    state->position[PUCK].x = side * params->half_length * draw_between(state, SERVE_NEAR, SERVE_FAR);
+    state->position[PUCK].y = side * params->half_width * draw_between(state, -SERVE_WIDE, SERVE_WIDE);
+    give(state, side);
 }
 
-static void begin(Table *table, const Physics *law)
+static void begin(State *state, const Parameters *params)
 {
-    table->steps = 0;
-    table->score[0] = table->score[1] = 0;
-    table->n_contacts = 0;
-    table->success = 0;
-    table->done = false;
-    serve(table, law, draw(table) < 0.5 ? -1 : 1);
+    state->steps = 0;
+    state->score[0] = state->score[1] = 0;
+    state->done = false;
+    serve(state, params, draw(state) < 0.5 ? -1 : 1);
 }
 
 /* Keep the clock after a tick without a goal. Returns whether it ran out. */
-static inline bool keep_clock(Table *table, const Physics *law)
+static inline bool keep_clock(State *state, const Parameters *params)
 {
-    if (table->position[PUCK].x * table->side < 0.0) {
-        give(table, -table->side);
+    if (state->position[PUCK].x * state->side < 0.0) {
+        give(state, -state->side);
         return false;
     }
-    return ++table->clock > law->clock_limit;
+    return ++state->clock > params->clock_limit;
 }
 
-static inline void observe(const Table *table, const Physics *law, float *restrict seen)
+static inline void observe(const State *state, const Parameters *params, float *restrict seen)
 {
-    const Vector *p = table->position, *v = table->velocity;
+    const Vector *p = state->position, *v = state->velocity;
     for (int paddle = LEFT; paddle <= RIGHT; paddle++) {
-        seen[4 * paddle + 0] = (float)(p[paddle].x * law->per_x + 0.0);
-        seen[4 * paddle + 1] = (float)(p[paddle].y * law->per_y + 0.0);
-        seen[4 * paddle + 2] = (float)(v[paddle].x * law->per_paddle + 0.0);
-        seen[4 * paddle + 3] = (float)(v[paddle].y * law->per_paddle + 0.0);
+        seen[4 * paddle + 0] = (float)(p[paddle].x * params->per_x + 0.0);
+        seen[4 * paddle + 1] = (float)(p[paddle].y * params->per_y + 0.0);
+        seen[4 * paddle + 2] = (float)(v[paddle].x * params->per_paddle + 0.0);
+        seen[4 * paddle + 3] = (float)(v[paddle].y * params->per_paddle + 0.0);
     }
-    seen[8] = (float)(p[PUCK].x * law->per_x + 0.0);
-    seen[9] = (float)(p[PUCK].y * law->per_y + 0.0);
-    seen[10] = (float)(v[PUCK].x * law->per_puck + 0.0);
-    seen[11] = (float)(v[PUCK].y * law->per_puck + 0.0);
-    double used = table->clock * law->per_clock;
-    seen[12] = (float)(table->side < 0 ? used : 0.0 - used);
+    seen[8] = (float)(p[PUCK].x * params->per_x + 0.0);
+    seen[9] = (float)(p[PUCK].y * params->per_y + 0.0);
+    seen[10] = (float)(v[PUCK].x * params->per_puck + 0.0);
+    seen[11] = (float)(v[PUCK].y * params->per_puck + 0.0);
+    double used = state->clock * params->per_clock;
+    seen[12] = (float)(state->side < 0 ? used : 0.0 - used);
 }
 
 /* The step ------------------------------------------------------------------------------------------------------ */
 
+/* Nothing has happened on table i since its episode began. */
+static inline void forget_step(const Outputs *out, int64_t i)
+{
+    out->n_contacts[i] = 0;
+    out->point[i] = 0;
+    out->reward[i] = out->right_reward[i] = 0.0;
+    out->foul[i] = out->success[i] = out->terminated[i] = out->truncated[i] = false;
+}
+
 /* Play one step of the tables `first` to `last` (excluded); `max_steps` truncates an episode. */
-void step_rows(int64_t first, int64_t last, Table *restrict tables, const Physics *restrict physics,
+void step_rows(int64_t first, int64_t last, State *restrict states, const Parameters *restrict parameters,
                const float *restrict actions, const Outputs *restrict outputs, int32_t max_steps, int32_t autoreset)
 {
-    const Physics law = *physics; /* copies that nothing can write to: they stay in registers */
+    const Parameters params = *parameters; /* copies that nothing can write to: they stay in registers */
     const Outputs out = *outputs;
     for (int64_t i = first; i < last; i++) {
-        Table *table = &tables[i];
-        if (table->done && autoreset == NEXT_STEP) {
-            begin(table, &law);
-            out.n_contacts[i] = 0;
-            out.point[i] = 0;
-            out.reward[i] = 0.0;
-            out.foul[i] = out.terminated[i] = out.truncated[i] = out.success[i] = false;
+        State *state = &states[i];
+        if (state->done && autoreset == NEXT_STEP) {
+            begin(state, &params);
+            forget_step(&out, i);
+            out.began[i] = true;
         } else {
             Vector action = {actions[2 * i], actions[2 * i + 1]};
-            Vector answer = opponent(table, &law);
-            drive(table, &law, LEFT, action);
-            drive(table, &law, RIGHT, answer);
-            int point = play_tick(table, &law, out.contacts + i * CONTACT_ROWS);
+            Vector answer = opponent(state, &params);
+            drive(state, &params, LEFT, action);
+            drive(state, &params, RIGHT, answer);
+            int point = play_tick(state, &params, out.contacts + i * CONTACT_ROWS, out.n_contacts + i);
             bool foul = false;
             if (point != 0)
-                table->score[point > 0 ? 0 : 1]++;
-            else if ((foul = keep_clock(table, &law)))
-                serve(table, &law, -table->side);
-            bool terminated = table->score[0] >= POINTS || table->score[1] >= POINTS;
-            table->steps++;
-            bool truncated = max_steps > 0 && table->steps >= max_steps && !terminated;
-            table->success = terminated && point > 0;
-            table->done = terminated || truncated;
-            out.n_contacts[i] = table->n_contacts;
+                state->score[point > 0 ? 0 : 1]++;
+            else if ((foul = keep_clock(state, &params)))
+                serve(state, &params, -state->side);
+            bool terminated = state->score[0] >= POINTS || state->score[1] >= POINTS;
+            state->steps++;
+            bool truncated = max_steps > 0 && state->steps >= max_steps && !terminated;
+            state->done = terminated || truncated;
             out.point[i] = (int8_t)point;
             out.foul[i] = foul;
             out.reward[i] = point;
+            out.right_reward[i] = -point;
             out.terminated[i] = terminated;
             out.truncated[i] = truncated;
-            out.success[i] = table->success;
-            if (table->done && autoreset == SAME_STEP) {
-                observe(table, &law, out.final_observation + i * OBSERVATION_SIZE);
-                out.final_score[2 * i] = table->score[0];
-                out.final_score[2 * i + 1] = table->score[1];
-                begin(table, &law);
+            out.success[i] = terminated && point > 0;
+            out.began[i] = false;
+            if (state->done && autoreset == SAME_STEP) {
+                observe(state, &params, out.final_observation + i * OBSERVATION_SIZE);
+                out.final_score[2 * i] = state->score[0];
+                out.final_score[2 * i + 1] = state->score[1];
+                begin(state, &params);
+                out.began[i] = true;
             }
         }
-        observe(table, &law, out.observation + i * OBSERVATION_SIZE);
-        out.score[2 * i] = table->score[0];
-        out.score[2 * i + 1] = table->score[1];
+        observe(state, &params, out.observation + i * OBSERVATION_SIZE);
+        out.score[2 * i] = state->score[0];
+        out.score[2 * i + 1] = state->score[1];
     }
 }
 
 /* Begin an episode on the tables `first` to `last` (excluded), whose random streams are set. */
-void reset_rows(int64_t first, int64_t last, Table *tables, const Physics *law, const Outputs *out)
+void reset_rows(int64_t first, int64_t last, State *states, const Parameters *params, const Outputs *out)
 {
     for (int64_t i = first; i < last; i++) {
-        begin(&tables[i], law);
-        out->n_contacts[i] = 0;
-        out->point[i] = 0;
-        out->foul[i] = out->success[i] = false;
-        observe(&tables[i], law, out->observation + i * OBSERVATION_SIZE);
+        begin(&states[i], params);
+        forget_step(out, i);
+        out->began[i] = true;
+        observe(&states[i], params, out->observation + i * OBSERVATION_SIZE);
         out->score[2 * i] = out->score[2 * i + 1] = 0;
     }
 }

@@ -50,7 +50,7 @@ def table(rows: list[Row]) -> list[tuple[str, ...]]:
     """A row a size."""
     everything = (OURS, TWO, CODE, TWO_CODE, IN_C, NATIVE, POOL, SYNC)
     names = [name for name in everything if any(row["what"] == name for row in rows)]
-    table: list[tuple[str, ...]] = [("tables", *names, "compiled step to C")]
+    table: list[tuple[str, ...]] = [("environments", *names, "compiled step relative to C")]
     for size in sorted({row["at"] for row in rows}):
         found = {row["what"]: row for row in rows if row["at"] == size}
         share = ratio(rows, found[CODE], IN_C)

@@ -26,7 +26,7 @@ def variants(command: tuple[str, ...]) -> dict[str, list[str]]:
     found = {
         "": flags,
         f", without {build.NO_SLP}": without(build.NO_SLP),
-        f", {' '.join(NARROW)} in its place": [*without(build.NO_SLP), *NARROW],
+        f", {' '.join(NARROW)} instead": [*without(build.NO_SLP), *NARROW],
         f", without {build.FAST}": without(build.FAST),
         ", and -fno-tree-vectorize": [*flags, "-fno-tree-vectorize"],
         ", and -fno-trapping-math": [*flags, "-fno-trapping-math"],
@@ -60,7 +60,7 @@ def _fused(command: tuple[str, ...], options: list[str]) -> int | None:
 
 def table(rows: list[Row]) -> list[tuple[str, ...]]:
     """A row for the compiled step and for all flags."""
-    cells: list[tuple[str, ...]] = [("what", "steps/s", "to the flags in use", "fused operations")]
+    cells: list[tuple[str, ...]] = [("what", "steps/s", "relative to the flags in use", "fused operations")]
     for row in rows:
         share, fused = ratio(rows, row, row.get("first", "")), row.get("fused")
         shown = "" if share is None else f"{share:.2f}"

@@ -10,7 +10,6 @@ import gymnasium as gym
 import numpy as np
 
 from airhockey_env.game import Game
-from airhockey_env.kernel.state import AUTORESET_NEXT_STEP
 from benchmarks.speed.measure import Measure
 
 WARM_UP = 150  # steps: past the first serves, into play
@@ -34,21 +33,16 @@ def _random_actions(num_envs: int) -> list[Any]:
     return [rng.uniform(-1.0, 1.0, (num_envs, 2)).astype(np.float32) for _ in range(8)]
 
 
-def batch(name: str, num_envs: int, threads: int = 1, camera: Any = None, **arguments: Any) -> Measure:
+def batch(name: str, num_envs: int, threads: int = 1, **arguments: Any) -> Measure:
     """The default game by `gym.make_vec`, with all that a step hands out, and random actions."""
     envs = gym.make_vec("AirHockey-v0", num_envs=num_envs, num_threads=threads, **arguments)
-    if camera is not None:
-        from airhockey_env.sensing import sense
-
-        envs = sense(envs, camera)
     envs.reset(seed=0)
     return _repeat(name, num_envs, envs.step, _random_actions(num_envs), threads)
 
 
 def _game(num_envs: int, threads: int = 1, **arguments: Any) -> Game:
-    game = Game(num_envs, autoreset=AUTORESET_NEXT_STEP, max_episode_steps=MAX_STEPS, num_threads=threads, **arguments)
-    game.seed(list(range(num_envs)))
-    game.reset()
+    game = Game(num_envs, max_episode_steps=MAX_STEPS, num_threads=threads, **arguments)
+    game.reset(seed=0)
     return game
 
 
@@ -72,7 +66,7 @@ def in_c(
 
 def both_sides(name: str, num_envs: int) -> Measure:
     """Both players from outside."""
-    game = _game(num_envs, opponent=None)
+    game = _game(num_envs, right=None)
     actions = _random_actions(num_envs)
     return _repeat(name, num_envs, lambda action: game.step(action, actions[0]), actions)
 

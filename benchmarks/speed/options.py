@@ -28,8 +28,8 @@ def measure(effort: Effort) -> tuple[list[Row], list[str]]:
         games.batch('obs_type="rgb"', n, obs_type="rgb"),
         games.batch('obs_type="grayscale"', n, obs_type="grayscale"),
         games.batch("seen by the camera ROBOT", n, camera=ROBOT),
-        games.both_sides("both players from outside (Game)", n),
-        games.pictures("render() of one table, pictures/s"),
+        games.both_sides("both players controlled by the caller (Game)", n),
+        games.pictures("render() of one environment, pictures/s"),
         games.single(MADE, gym.make("AirHockey-v0")),
         games.single(CART, gym.make("CartPole-v1")),
     ]
@@ -38,7 +38,8 @@ def measure(effort: Effort) -> tuple[list[Row], list[str]]:
 
 def table(rows: list[Row]) -> list[tuple[str, ...]]:
     """A row each."""
-    cells: list[tuple[str, ...]] = [("what", "tables", "steps/s", "to the default", f"to {CART}")]
+    head = ("what", "environments", "steps/s", "relative to the default", f"relative to {CART}")
+    cells: list[tuple[str, ...]] = [head]
     cart = next(row["per_second"] for row in rows if row["what"] == CART)
     for row in rows:
         share, speed = ratio(rows, row, DEFAULT), row["per_second"]

@@ -14,7 +14,7 @@ from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
 from airhockey_env.game import Game
-from airhockey_env.kernel.state import PHYSICS, TABLE
+from airhockey_env.kernel.state import LEFT, PARAMETERS, RIGHT, STATE
 from benchmarks.speed import build
 
 
@@ -23,16 +23,16 @@ def _part(dtype: np.dtype, names: str) -> np.dtype:
     return np.dtype([(name, dtype[name]) for name in names.split()], align=True)
 
 
-LAW = _part(
-    PHYSICS,
+C_PARAMETERS = _part(
+    PARAMETERS,
     "tick clock_limit half_length half_width half_goal wall_restitution wall_tangential disc_restitution radius "
     "inverse_mass glide_p glide_q glide_r glide_s puck_speed paddle_speed paddle_step per_x per_y per_paddle per_puck "
     "per_clock",
 )
-STATE = _part(TABLE, "position velocity plan stream n_contacts success steps clock score side done")
+C_STATE = _part(STATE, "position velocity plan stream steps clock score side done")
 OUTPUTS = (
     *("observation", "final_observation", "score", "final_score", "n_contacts", "point", "foul"),
-    *("success", "reward", "terminated", "truncated", "contacts"),
+    *("success", "reward", "right_reward", "terminated", "truncated", "began", "contacts"),
 )
 
 
@@ -57,16 +57,24 @@ def library(command: tuple[str, ...] | None = None, flags: tuple[str, ...] | Non
     return game
 
 
+def outputs_of(game: Game, name: str) -> NDArray[np.generic]:
+    """A game's output as the game in C has it, a copy."""
+    if name == "right_reward":
+        return game.out.reward[RIGHT].copy()
+    output = getattr(game.out, name)
+    return output[LEFT].copy() if name in ("observation", "final_observation", "reward") else output.copy()
+
+
 class CGame:
     """Tables of the default game, played by the C code from the state of a `Game`.
 
     Attributes:
-        tables: (N,) records of `STATE`.
-        out: arrays by the names of `OUTPUTS`, as those of `Game.out`.
+        states: (N,) records of `C_STATE`.
+        out: arrays by the names of `OUTPUTS`, as those of `Game.out`; of the left player where it has two.
     """
 
     def __init__(self, game: Game, code: ctypes.CDLL | None = None) -> None:
-        """Take over the tables, their physics and the settings of `game`, which is left as it is.
+        """Take over the states, the parameters and the settings of `game`, which is left as it is.
 
         Args:
             game: the game to go on with.
@@ -77,25 +85,25 @@ class CGame:
         """
         self._library = code or library()
         n = game.num_tables
-        self.tables = np.zeros(n, STATE)
+        self.states = np.zeros(n, C_STATE)
         self.take(game)
-        self._law = np.zeros(1, LAW)
-        for name in LAW.names or ():
-            self._law[name] = game.physics[name]
-        self.out = {name: getattr(game.out, name).copy() for name in OUTPUTS}
+        self._parameters = np.zeros(1, C_PARAMETERS)
+        for name in C_PARAMETERS.names or ():
+            self._parameters[name] = game.parameters[name]
+        self.out = {name: outputs_of(game, name) for name in OUTPUTS}
         self._pointers = (ctypes.c_void_p * len(OUTPUTS))(*(self.out[name].ctypes.data for name in OUTPUTS))
-        self._fixed = (self.tables.ctypes.data, self._law.ctypes.data)
+        self._fixed = (self.states.ctypes.data, self._parameters.ctypes.data)
         self._modes = int(game.settings["max_steps"][0]), int(game.settings["autoreset"][0])
         self._shape = (n, 2)
 
     def take(self, game: Game) -> None:
         """Go on from the state of the game's tables."""
-        for name in STATE.names or ():
-            self.tables[name] = game.tables[name]
+        for name in C_STATE.names or ():
+            self.states[name] = game.states[name]
 
     def reset(self) -> None:
         """Begin an episode on every table."""
-        self._library.reset_rows(0, len(self.tables), *self._fixed, self._pointers)
+        self._library.reset_rows(0, len(self.states), *self._fixed, self._pointers)
 
     def step(self, actions: NDArray[np.float32]) -> None:
         """Play one step on every table; the results lie in `out`.
@@ -105,4 +113,4 @@ class CGame:
         """
         if actions.shape != self._shape or actions.dtype != np.float32 or not actions.flags.c_contiguous:
             raise ValueError(f"actions must be contiguous float32 of shape {self._shape}, got {actions!r}")
-        self._library.step_rows(0, len(self.tables), *self._fixed, actions.ctypes.data, self._pointers, *self._modes)
+        self._library.step_rows(0, len(self.states), *self._fixed, actions.ctypes.data, self._pointers, *self._modes)

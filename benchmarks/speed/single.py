@@ -26,15 +26,15 @@ def measure(effort: Effort) -> tuple[list[Row], list[str]]:
 
 def table(rows: list[Row]) -> list[tuple[str, ...]]:
     """A row each."""
-    cells: list[tuple[str, ...]] = [("what", "steps/s", "µs a step", f"to {CART}")]
+    cells: list[tuple[str, ...]] = [("what", "steps/s", "µs a step", f"relative to {CART}")]
     for row in rows:
         speed = row["per_second"]
         cells.append((row["what"], f"{speed:,.0f}", f"{1e6 / speed:.1f}", f"{ratio(rows, row, CART) or 0.0:.2f}"))
     micro = {row["what"]: 1e6 / row["per_second"] for row in rows}
     for name, part in (
-        ("of gym.make: Gymnasium's wrappers", micro[MADE] - micro[RAW]),
-        ("of gym.make: observation, info, checks", micro[RAW] - micro[CODE]),
-        ("of gym.make: the compiled step and the call of it", micro[CODE]),
+        ("within gym.make: Gymnasium's wrappers", micro[MADE] - micro[RAW]),
+        ("within gym.make: observation, info, checks", micro[RAW] - micro[CODE]),
+        ("within gym.make: calling the compiled step", micro[CODE]),
     ):
         cells.append((name, "", f"{part:.1f} ({part / micro[MADE]:.0%})", ""))
     return cells

@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 from airhockey_env.game import Game
-from airhockey_env.kernel.state import TABLE
+from airhockey_env.kernel.state import STATE
 from benchmarks.speed.measure import Effort, Row
 
 TITLE = "Start and memory"
@@ -22,11 +22,11 @@ PLAY = (
 
 def measure(effort: Effort) -> tuple[list[Row], list[str]]:
     """Rows, and nothing to be said. A quick one does not compile."""
-    state = TABLE.itemsize
+    state = STATE.itemsize
     memory = state + sum(array.nbytes for array in Game(1).out)
     rows: list[Row] = [
-        {"what": "memory of a table: its state", "value": state, "unit": "B"},
-        {"what": "memory of a table in all", "value": memory, "unit": "B"},
+        {"what": "memory per environment: state", "value": state, "unit": "B"},
+        {"what": "memory per environment: total", "value": memory, "unit": "B"},
     ]
     with tempfile.TemporaryDirectory() as folder:
         environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}

@@ -45,4 +45,4 @@ def measure(effort: Effort) -> tuple[list[Row], list[str]]:
 def table(rows: list[Row]) -> list[tuple[str, ...]]:
     """The row."""
     cells = [(row["what"], f"{row['per_second']:,.0f}", f"{row['share']:.0%}") for row in rows]
-    return [("what", "steps/s", "of the time in the environment"), *cells]
+    return [("what", "steps/s", "share of time in the environment"), *cells]

@@ -7,7 +7,6 @@ import math
 import sys
 from collections import deque
 from importlib import import_module
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -38,19 +37,9 @@ from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.spaces import DIRECTIONS
 from airhockey_env.tables import FULL_SIZE
+from tests.helpers import some_observations, some_policy
 
 SMALL = TrainArgs(num_envs=4, n_steps=4, batch_size=8, net_width=16)
-
-
-def some_policy(outputs: int = 2, activation: str = "tanh") -> MlpPolicy:
-    random = np.random.default_rng(3)
-    sizes = (13, 8, 8, outputs)
-    weights = [random.normal(0.0, 0.5, (after, before)).astype(np.float32) for before, after in pairwise(sizes)]
-    return MlpPolicy(weights, [random.normal(0.0, 0.1, size).astype(np.float32) for size in sizes[1:]], activation)
-
-
-def some_observations(number: int = 200) -> NDArray[np.float32]:
-    return np.random.default_rng(5).uniform(-1.0, 1.0, (number, 13)).astype(np.float32)
 
 
 class TestWilsonInterval:

@@ -37,8 +37,8 @@ from agents.training.runs import BUFFER_ARRAYS
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from scripts.train import main
+from tests.helpers import ROOT
 
-ROOT = Path(__file__).parents[2]
 IDS = ("AirHockeyHit-v0", "AirHockeyDefend-v0", "AirHockey-v0")
 
 SMALL = {

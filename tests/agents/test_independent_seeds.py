@@ -34,7 +34,7 @@ class Look(BaseCallback):
         if not self.streams:
             tables = self.training_env.unwrapped
             assert isinstance(tables, AirHockeySB3VecEnv)
-            self.streams = tables._game.tables["stream"].tolist()
+            self.streams = tables._game.states["stream"].tolist()
 
     def _on_step(self) -> bool:
         if self.actions is None:
@@ -94,7 +94,7 @@ def seeded(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, ...]]:
 
     def note(self: Game, seeds: Any) -> None:
         seed(self, seeds)
-        given.append(tuple(self.tables["stream"].tolist()))
+        given.append(tuple(self.states["stream"].tolist()))
 
     monkeypatch.setattr(Game, "seed", note)
     return given

@@ -7,20 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gymnasium.vector import AutoresetMode
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecTransposeImage
 
 from agents.measuring.evaluation import play_points, play_task
-from agents.models import ModelPlayer, Seat, join, load_player, seated
+from agents.models import ModelPlayer, ModelPolicy, in_one_game, join, load_player
 from agents.training.algorithms import HYPERPARAMS, AlgorithmArgs, train
 from airhockey_env.game import Game
-from airhockey_env.kernel.state import AUTORESET_SAME_STEP
 from airhockey_env.live.match import START_PAUSE, LiveMatch
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
-from tests.commands import test_scripts
-from tests.commands.test_scripts import Call
-
-call = test_scripts.call
+from tests.helpers import Call
 
 pytestmark = pytest.mark.filterwarnings("ignore:rich is experimental")
 
@@ -60,8 +57,8 @@ def test_a_model_sees_what_its_training_shows(obs_type: str, frames: int, first:
         given.append(seen.copy())
         return np.full((len(seen), 2), 0.3, np.float32)
 
-    game = Game(3, autoreset=AUTORESET_SAME_STEP, **arguments)
-    seat = Seat(ModelPlayer(answer, obs_type, frames))
+    game = Game(3, autoreset_mode=AutoresetMode.SAME_STEP, **arguments)
+    seat = ModelPolicy(ModelPlayer(answer, obs_type, frames))
     seat.join(game)
     game.seed([5, 6, 7])
     game.reset()
@@ -103,14 +100,14 @@ def test_both_sides_see_their_own_picture() -> None:
     """On a table that is the same from both sides, mirrored games give mirrored views."""
     seen: dict[str, list[np.ndarray]] = {"left": [], "right": []}
 
-    def seat(side: str) -> Seat:
+    def seat(side: str) -> ModelPolicy:
         def answer(frames: np.ndarray) -> np.ndarray:
             seen[side].append(frames.copy())
             return np.zeros((len(frames), 2), np.float32)
 
-        return Seat(ModelPlayer(answer, "rgb", 1))
+        return ModelPolicy(ModelPlayer(answer, "rgb", 1))
 
-    game = Game(1, opponent=None)
+    game = Game(1, right=None)
     left, right = seat("left"), seat("right")
     left.join(game), right.join(game)
     game.seed([0])
@@ -137,7 +134,7 @@ def test_the_commands_take_a_run_of_pictures(pictures: Path, tmp_path: Path, cal
 
 
 def test_it_plays_against_a_person(pictures: Path) -> None:
-    player = seated(load_player(str(pictures)))
+    player = in_one_game(load_player(str(pictures)))
     match = LiveMatch(player, seed=0)
     join(match.game, player)
     match.restart(0.0)

@@ -19,12 +19,9 @@ from agents.measuring.scorecard import Defence, Share, measure, quartiles, speed
 from agents.measuring.scorecard_report import draw_card
 from agents.measuring.shots import Recorder, play_on
 from airhockey_env.game import Game
-from airhockey_env.kernel.state import AUTORESET_NEXT_STEP, LEFT, PUCK, RIGHT
+from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
 from airhockey_env.tables import FULL_SIZE
-from tests.commands import test_scripts
-from tests.commands.test_scripts import Call
-
-call = test_scripts.call
+from tests.helpers import Call
 
 REACH = FULL_SIZE.paddle_radius + FULL_SIZE.puck_radius
 STILL = (0.0, 0.0)
@@ -41,9 +38,9 @@ class Scene:
         puck: tuple[float, float],
         velocity: tuple[float, float] = STILL,
     ) -> None:
-        self.game = Game(1, opponent=None, autoreset=AUTORESET_NEXT_STEP)
+        self.game = Game(1, right=None)
         self.game.reset()
-        table = self.game.tables
+        table = self.game.states
         table["position"][0] = left, right, puck
         table["velocity"][0, PUCK] = velocity
         table["side"] = -1 if puck[0] < 0.0 else 1
@@ -105,12 +102,12 @@ class TestScenes:
 
     def test_a_wall_before_the_last_touch_makes_no_bank_shot(self, shooter: int) -> None:
         scene = self.scene(shooter, (-0.9, 0.0), ASIDE, (-0.6, 0.0), (0.0, 0.0))
-        scene.game.tables["position"][0, PUCK] = (-0.6, 0.45) if shooter == LEFT else (0.6, -0.45)
-        scene.game.tables["velocity"][0, PUCK] = (-0.5, 1.0) if shooter == LEFT else (0.5, -1.0)
+        scene.game.states["position"][0, PUCK] = (-0.6, 0.45) if shooter == LEFT else (0.6, -0.45)
+        scene.game.states["velocity"][0, PUCK] = (-0.5, 1.0) if shooter == LEFT else (0.5, -1.0)
         recorder = Recorder(scene.game)
         walls = 0
         for _ in range(200):  # at the puck's height until it is there
-            own, puck = (scene.game.tables["position"][0, disc] for disc in (shooter, PUCK))
+            own, puck = (scene.game.states["position"][0, disc] for disc in (shooter, PUCK))
             sign = 1.0 if shooter == LEFT else -1.0
             action = np.array([[0.0, np.clip(20.0 * sign * (puck[1] - own[1]), -1.0, 1.0)]], np.float32)
             if abs(puck[1] - own[1]) < 0.003:
@@ -118,7 +115,7 @@ class TestScenes:
             actions = (action, np.zeros((1, 2), np.float32))
             scene.game.step(*(actions if shooter == LEFT else actions[::-1]))
             recorder.note(np.ones(1, np.bool_))
-            walls += int((scene.game.out.contacts[0, : scene.game.tables["n_contacts"][0]]["b"] < 0).sum())
+            walls += int((scene.game.out.contacts[0, : scene.game.out.n_contacts[0]]["b"] < 0).sum())
             if len(recorder.shots) or (recorder.zone[shooter] and walls):
                 break
         assert walls
@@ -204,14 +201,14 @@ def test_what_must_hold_for_any_play() -> None:
 
 
 def test_reaction() -> None:
-    game = Game(200, task="defend", opponent="idle", autoreset=AUTORESET_NEXT_STEP)
+    game = Game(200, task="defend", opponent="idle")
     game.seed(list(range(200)))
     game.reset()
     defence = Defence(game)
     assert 0.3 < defence.has_to_move.mean() < 0.95
     assert defence.courses.on_target.mean() > 0.9
     assert 0.3 < defence.courses.bank.mean() < 0.7
-    towards = np.sign(np.nan_to_num(defence.courses.passes - game.tables["position"][:, LEFT, 1]))
+    towards = np.sign(np.nan_to_num(defence.courses.passes - game.states["position"][:, LEFT, 1]))
     waiting = np.arange(200) % 4  # steps until a player sets off; the fourth sets off to the other side
     running = np.ones(200, np.bool_)
     for step in range(10):
@@ -279,23 +276,3 @@ def test_texts_beside_the_bars_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     for box in boxes:
         assert frame.x0 - 1 <= box.x0 < box.x1 <= frame.x1 + 1 and not any(box.overlaps(bar) for bar in bars)
     assert all(above.y0 > below.y1 for above, below in pairwise(boxes))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ((), "python -m scripts.scorecard --help"),
-        (("nobody",), "MODEL must be one of"),
-        (("idle", "--opponent", "nobody"), "--opponent must be one of"),
-        (("idle", "--points", "0"), "--points must be from 1"),
-        (("idle", "--episodes", "0"), "--episodes must be from 1"),
-        (("idle", "--seed", "-1"), "--seed must be from 0"),
-        (("idle", "--table", "billiards"), "--table must be one of"),
-        (("idle", "--plot", "card.pdf"), "--plot must end in .png, got 'card.pdf'"),
-        (("idle", "--plot", "none/card.png"), "--plot must name a file in a folder that exists"),
-        (("idle", "--json", "none/card.json"), "--json must name a file in a folder that exists"),
-    ],
-)
-def test_bad_arguments_write_nothing(arguments: tuple[str, ...], message: str, call: Call, tmp_path: Path) -> None:
-    assert message in call("scorecard", *arguments, fails=True)
-    assert not list(tmp_path.iterdir())

@@ -12,7 +12,7 @@ import pytest
 from agents.training.league import LATEST, LEAST_PRIORITY, League, Member
 from agents.training.ppo import make_env, make_model
 from agents.training.self_play import SelfPlayArgs
-from tests.agents.test_agents import some_policy
+from tests.helpers import some_policy
 
 UPDATE = 6 * 8
 ARGS = SelfPlayArgs(

@@ -26,7 +26,7 @@ from agents.training.ppo import TrainArgs
 from agents.training.runs import RunFolder, check_name
 from agents.training.self_play import SelfPlayArgs
 from agents.training.stopping import Stop, Stopped, stopping
-from tests.commands.test_scripts import start
+from tests.helpers import start
 
 TINY: dict[str, Any] = {
     "steps": 32, "num_envs": 4, "n_steps": 4, "batch_size": 8, "net_width": 8, "eval_points": 2, "report_points": 2,

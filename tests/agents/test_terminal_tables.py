@@ -12,8 +12,8 @@ from agents.tables import print_table
 from agents.training.report import print_results, print_task_result
 
 HEADS = {
-    "batches": ["tables", "gym.make_vec", "its compiled step alone", "the same game in C", "CartPole-v1, EnvPool",
-                "CartPole-v1, Gymnasium's own batch", "CartPole-v1, SyncVectorEnv", "compiled step to C"],
+    "batches": ["environments", "gym.make_vec", "its compiled step alone", "the same game in C", "CartPole-v1, EnvPool",
+                "CartPole-v1, Gymnasium's own batch", "CartPole-v1, SyncVectorEnv", "compiled step relative to C"],
     "pucks": ["pucks", *(f"{name}, {many} moving, µs a tick" for many in ("all", "two")
                          for name in ("AirTable", "Box2D", "Chipmunk", "MuJoCo"))],
 }  # fmt: skip
@@ -44,7 +44,7 @@ def test_long_texts_are_wrapped_between_words(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    text = "of gym.make: the compiled step and the call of it, which is a text that is longer than it has to be"
+    text = "within gym.make: calling the compiled step, which is a text that is longer than it has to be"
     print_table("One table", [["what", "steps/s", "µs a step"], [text, "1,000,000", "2.0 (37%)"]])
     assert set(text.split()) <= set(printed(capsys, 80))
 

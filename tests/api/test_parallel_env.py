@@ -232,16 +232,16 @@ def test_left_agent_is_the_player_of_the_single_environment(arguments):
     seen: Counter[str] = Counter()
     for choose in players(3, steps, continuous):
         states = game._game.out
-        actions = choose({"left": states.observation[0], "right": states.other_observation[0]})
+        actions = choose({"left": states.observation[LEFT, 0], "right": states.observation[RIGHT, 0]})
         told.append(np.array([actions["right"]]) if continuous else DIRECTIONS[[actions["right"]]])
-        right_view = states.other_observation[0].copy()
+        right_view = states.observation[RIGHT, 0].copy()
         observations, rewards, terminations, truncations, infos = game.step(actions)
         ours = (observations["left"], rewards["left"], terminations["left"], truncations["left"], infos["left"])
         assert same(ours, single.step(actions["left"]))
         assert same(right_seen[-1], right_view)
         assert same(game.get_state(), single.get_state())
         assert (game.positions == single.positions).all() and (game.velocities == single.velocities).all()
-        assert same(game.state(), states.observation[0])
+        assert same(game.state(), states.observation[LEFT, 0])
         assert same(game.contacts, single.contacts)
         seen["contacts"] += len(game.contacts)
         seen["goals"] += abs(round(rewards["left"])) == 1

@@ -14,6 +14,7 @@ from gymnasium.vector import AutoresetMode
 
 from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv
 from airhockey_env.game import OBS_TYPES
+from airhockey_env.kernel.state import LEFT
 from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.parallel_env import AirHockeyParallelEnv
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
@@ -176,7 +177,7 @@ def test_every_face_gives_the_same_bits(name, obs_type, continuous, kind):
     assert same(observations, by_hand.reset(seed=30)[0]) and same(for_sb3(observations), sb3.reset())
     ends = contacts = 0
     for drawn in random_actions(9, 90, n, continuous):
-        actions = actions_for(batch, batch.unwrapped._game.out.observation, drawn)
+        actions = actions_for(batch, batch.unwrapped._game.out.observation[LEFT], drawn)
         results = [env.step(action) for env, action in zip(singles, actions, strict=True)]
         observations, rewards, terminated, truncated, infos = batch.step(actions)
         seen, earned, dones, details = sb3.step(actions)
@@ -416,4 +417,4 @@ def test_an_action_that_lies_spread_out_or_is_read_only_plays_as_its_values_do()
 def test_a_batch_takes_the_cores_that_its_process_may_use(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "sched_getaffinity", lambda process: {3, 7, 9})
     monkeypatch.setattr(os, "cpu_count", lambda: 64)
-    assert AirHockeyVectorEnv(2)._game.threads.num_threads == 3
+    assert AirHockeyVectorEnv(2)._game._threads.num_threads == 3

@@ -86,10 +86,10 @@ def test_options_and_seeds_are_of_the_next_reset_alone():
 def test_tables_of_equal_options_begin_in_one_call(monkeypatch):
     envs = AirHockeySB3VecEnv(N)
     calls = []
-    reset = envs._game.reset
-    monkeypatch.setattr(envs._game, "reset", lambda rows=None, options=None: (calls.append(rows), reset(rows, options)))
+    begin = envs._game.begin
+    monkeypatch.setattr(envs._game, "begin", lambda rows, options: (calls.append(rows), begin(rows, options)))
     envs.reset()
-    assert calls == [None]
+    assert same(calls, [np.arange(N)])
     envs.set_options({"serve": "right"})
     envs.reset()
     assert same(calls[1:], [np.arange(N)])

@@ -15,13 +15,13 @@ import yaml
 from gymnasium.envs.registration import EnvSpec
 
 from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv
-from airhockey_env.game import Game
+from airhockey_env.cameras import ROBOT
+from airhockey_env.kernel.state import RIGHT
 from airhockey_env.opponents.players import NAMES
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.parallel_env import AirHockeyParallelEnv
 from airhockey_env.replay import RecordReplay, play_back
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
-from airhockey_env.sensing import ROBOT, sense
 from airhockey_env.tables import CHALLENGE, FULL_SIZE
 from tests.helpers import IDS, random_actions, same
 
@@ -115,9 +115,9 @@ def test_specs_are_shown_and_equal(name, run):
 
 
 def test_a_camera_is_part_of_the_spec():
-    env = sense(gym.make("AirHockey-v0"), "robot")
-    other = gym.make(by_json(env.spec))
-    assert other.camera == ROBOT and same(played(env), played(other))
+    env = gym.make("AirHockey-v0", camera=dataclasses.asdict(ROBOT))
+    assert same(played(env), played(gym.make(by_json(env.spec))))
+    assert same(played(env), played(gym.make("AirHockey-v0", camera="robot")))
 
 
 def test_the_other_constructors_take_the_same_data():
@@ -169,9 +169,9 @@ def test_members_of_a_pool_may_be_files(run):
 
 
 def test_a_file_that_was_written_anew_is_read_anew(run):
-    old = AirHockeyEnv(opponent=str(run))._game.opponents[0]
+    old = AirHockeyEnv(opponent=str(run))._game.pools[RIGHT].members[0]
     policy(1, squash=True).save(run / "policy.npz")
-    new = AirHockeyEnv(opponent=str(run))._game.opponents[0]
+    new = AirHockeyEnv(opponent=str(run))._game.pools[RIGHT].members[0]
     assert not old.squash and new.squash
 
 
@@ -179,7 +179,7 @@ def test_a_name_is_a_name_even_beside_a_file(run, monkeypatch):
     monkeypatch.chdir(run)
     for name in NAMES:
         policy().save(run / name)
-        assert AirHockeyEnv(opponent=name)._game.opponents == (name,)
+        assert AirHockeyEnv(opponent=name)._game.pools[RIGHT].members == (name,)
 
 
 @pytest.mark.parametrize("change", ["missing", "empty folder", "damaged", "another file", "\0", "x" * 5000, b"striker"])
@@ -200,7 +200,6 @@ def test_what_is_no_policys_file(change, run):
         lambda: AirHockeyEnv(opponent=given),
         lambda: AirHockeyVectorEnv(2, opponent=["idle", given]),
         lambda: AirHockeySB3VecEnv(2, opponent=given),
-        lambda: Game(2, opponent=given),
         lambda: envs.set_opponent(0, given),
         lambda: envs.add_opponent(given),
     ):

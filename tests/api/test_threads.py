@@ -83,7 +83,7 @@ def test_a_copy_has_threads_and_a_lock_of_its_own(copied: Any) -> None:
     actions = random_actions(0, 1, LARGE)[0]
     envs.step(actions)
     other = copied(envs)
-    with envs._game.threads.lock:
+    with envs._game._threads.lock:
         stepped = []
         beside = threading.Thread(target=lambda: stepped.append(other.step(actions)))
         beside.start()
@@ -168,7 +168,7 @@ envs.step(actions)
 held, fork_is_over = threading.Event(), threading.Event()
 
 def hold():
-    with envs._game.threads.lock:
+    with envs._game._threads.lock:
         held.set()
         fork_is_over.wait()
 

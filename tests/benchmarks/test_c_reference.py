@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from gymnasium.error import DependencyNotInstalled
+from gymnasium.vector import AutoresetMode
 
 from airhockey_env.game import Game
-from airhockey_env.kernel.state import AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP, CONTACT_ROWS
+from airhockey_env.kernel.state import CONTACT_ROWS, LEFT
+from airhockey_env.reset_options import ResetOptions
 from benchmarks.speed import build
-from benchmarks.speed.reference import OUTPUTS, STATE, CGame, library
+from benchmarks.speed.reference import C_STATE, OUTPUTS, CGame, library, outputs_of
 
 COMPILERS = build.compilers()
 TABLES, STEPS = 128, 300
@@ -32,23 +34,24 @@ every_compiler = pytest.mark.parametrize("command", COMPILERS, ids=" ".join)
 
 
 def the_same(game: Game, c_game: CGame) -> None:
-    for name in STATE.names:
-        np.testing.assert_array_equal(c_game.tables[name], game.tables[name], err_msg=name)
-    recorded = np.arange(CONTACT_ROWS) < game.tables["n_contacts"][:, np.newaxis]
+    for name in C_STATE.names:
+        np.testing.assert_array_equal(c_game.states[name], game.states[name], err_msg=name)
+    recorded = np.arange(CONTACT_ROWS) < game.out.n_contacts[:, np.newaxis]
     for name in OUTPUTS:
-        ours, theirs = getattr(game.out, name), c_game.out[name]
+        ours, theirs = outputs_of(game, name), c_game.out[name]
         if name == "contacts":
             ours, theirs = ours[recorded], theirs[recorded]
         np.testing.assert_array_equal(theirs, ours, err_msg=name)
 
 
 @every_compiler
-@pytest.mark.parametrize("autoreset", [AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP])
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
 @pytest.mark.parametrize("play", ["random", "chase"])
-def test_the_c_game_plays_the_same_to_the_bit(autoreset: int, play: str, command: tuple[str, ...]) -> None:
-    game = Game(TABLES, autoreset=autoreset, max_episode_steps=200, num_threads=1)
-    game.seed(list(range(TABLES)))
-    game.reset()
+def test_the_c_game_plays_the_same_to_the_bit(
+    autoreset_mode: AutoresetMode, play: str, command: tuple[str, ...]
+) -> None:
+    game = Game(TABLES, autoreset_mode=autoreset_mode, max_episode_steps=200, num_threads=1)
+    game.reset(seed=0)
     c_game = CGame(game, library(command))
     the_same(game, c_game)
     rng = np.random.default_rng(0)
@@ -56,13 +59,13 @@ def test_the_c_game_plays_the_same_to_the_bit(autoreset: int, play: str, command
     for _ in range(STEPS):
         actions = rng.uniform(-1.5, 1.5, (TABLES, 2)).astype(np.float32)
         if play == "chase":  # contacts of every kind: the puck is squeezed against walls and posts
-            actions[:, 0] = game.out.observation[:, 8] - game.out.observation[:, 0]
-            actions[:, 1] = game.out.observation[:, 9] - game.out.observation[:, 1]
+            actions[:, 0] = game.out.observation[LEFT][:, 8] - game.out.observation[LEFT][:, 0]
+            actions[:, 1] = game.out.observation[LEFT][:, 9] - game.out.observation[LEFT][:, 1]
             actions *= 20.0
-        game.step(actions)
+        game.step(left=actions)
         c_game.step(actions)
         the_same(game, c_game)
-        contacts = max(contacts, int(game.tables["n_contacts"].max()))
+        contacts = max(contacts, int(game.out.n_contacts.max()))
         goals += int(game.out.terminated.sum())
         timeouts += int(game.out.truncated.sum())
     assert contacts >= 3
@@ -72,10 +75,11 @@ def test_the_c_game_plays_the_same_to_the_bit(autoreset: int, play: str, command
 
 @every_compiler
 def test_resets_are_the_same(command: tuple[str, ...]) -> None:
-    game = Game(TABLES, autoreset=AUTORESET_NEXT_STEP, num_threads=1)
-    game.seed(list(range(TABLES)))
+    game = Game(TABLES, num_threads=1)
+    rows = np.arange(TABLES)
+    game.seed(rows.tolist(), rows, lambda n: np.zeros(n))
     c_game = CGame(game, library(command))
-    game.reset()
+    game.begin(rows, ResetOptions())
     c_game.reset()
     the_same(game, c_game)
 

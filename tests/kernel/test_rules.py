@@ -15,9 +15,8 @@ from airhockey_env.engine.records import CONTACT
 from airhockey_env.game import Game
 from airhockey_env.kernel.observations import observe
 from airhockey_env.kernel.rewards import SHAPING_DISCOUNT, potential
-from airhockey_env.kernel.state import CONTACT_ROWS, LEFT, PUCK, RIGHT, TABLE
+from airhockey_env.kernel.state import CONTACT_ROWS, LEFT, PUCK, RIGHT, STATE
 from airhockey_env.kernel.step import step_table
-from airhockey_env.reset_options import ResetOptions
 from airhockey_env.tables import CHALLENGE, FULL_SIZE, IDEAL
 from tests.helpers import pursue, random_actions
 
@@ -58,24 +57,23 @@ def test_serves(name, serve):
 
 @pytest.mark.parametrize(("shot", "winner"), [(FOR, 0), (AGAINST, 1)])
 def test_who_concedes_is_served_to_and_a_match_goes_on(shot, winner):
-    game = Game(1, opponent="idle", points=3)
-    game.seed([4])
-    game.reset(options=ResetOptions("random", np.array(shot[0]), np.array(shot[1])))
+    game = Game(1, right="idle", points=3)
+    game.reset(seed=4, options={"puck_position": shot[0], "puck_velocity": shot[1]})
     for _ in range(2):
         game.step(np.zeros((1, 2), np.float32))
-    assert game.out.reward[0] == (1.0, -1.0)[winner]
+    assert tuple(game.out.reward[:, 0]) == ((1.0, -1.0), (-1.0, 1.0))[winner]
     assert not game.out.terminated[0]
-    assert game.tables["score"][0].tolist() == [winner == 0, winner == 1]
+    assert game.states["score"][0].tolist() == [winner == 0, winner == 1]
     conceded = 1.0 if winner == 0 else -1.0
-    assert 0.2 <= conceded * game.tables["position"][0, PUCK, 0] / (0.5 * FULL_SIZE.length) <= 0.5
-    assert game.tables["side"][0] == conceded and game.tables["clock"][0] == 0
-    assert (game.tables["velocity"] == 0.0).all()
-    assert (game.tables["position"][0, :PUCK, 1] == 0.0).all()
+    assert 0.2 <= conceded * game.states["position"][0, PUCK, 0] / (0.5 * FULL_SIZE.length) <= 0.5
+    assert game.states["side"][0] == conceded and game.states["clock"][0] == 0
+    assert (game.states["velocity"] == 0.0).all()
+    assert (game.states["position"][0, :PUCK, 1] == 0.0).all()
     for points in (2, 3):
-        game.tables["position"][0, PUCK], game.tables["velocity"][0, PUCK] = shot
+        game.states["position"][0, PUCK], game.states["velocity"][0, PUCK] = shot
         for _ in range(2):
             game.step(np.zeros((1, 2), np.float32))
-        assert game.tables["score"][0, winner] == points
+        assert game.states["score"][0, winner] == points
         assert game.out.terminated[0] == (points == 3)
 
 
@@ -369,35 +367,34 @@ def turned(tables):
     other["velocity"] = -tables["velocity"][:, [RIGHT, LEFT, PUCK]]
     other["side"] = -tables["side"]
     other["score"] = tables["score"][:, ::-1]
-    other["player"] = tables["player"][:, ::-1]
     return other
 
 
 @pytest.mark.parametrize("name", PRESETS)
 @pytest.mark.parametrize("rate", [10, 50])
 def test_turning_the_table_turns_the_game(name, rate):
-    game = Game(1, table=name, control_hz=rate, points=2**30, opponent="idle")
-    game.seed([3])
-    game.reset()
-    tables, mirror = game.tables, turned(game.tables)
+    game = Game(1, table=name, control_hz=rate, points=2**30, right="idle")
+    game.reset(seed=3)
+    tables, mirror = game.states, turned(game.states)
     contacts, reflected = records(CONTACT_ROWS, CONTACT), records(CONTACT_ROWS, CONTACT)
-    seen = np.zeros((4, 13), np.float32)
-    law, rules = game.physics[0], game.settings[0]
+    seen = np.zeros((2, 2, 13), np.float32)  # by seat, and by table
+    params, settings, hits = game.parameters[0], game.settings[0], np.zeros(3, np.int32)
     total = 0
     for drawn in random_actions(4, 3000, 2).astype(np.float64):
-        for player, row in ((LEFT, 0), (RIGHT, 1)):
-            observe(tables[0], law, player, seen, row)
-            observe(mirror[0], law, 1 - player, seen, 2 + row)
-        assert (seen[:2] == seen[2:]).all()
-        chase = pursue(seen[:2]).astype(np.float64)
+        for player in (LEFT, RIGHT):
+            observe(tables[0], params, player, seen, 0)
+            observe(mirror[0], params, player, seen, 1)
+        assert (seen[:, 0] == seen[::-1, 1]).all()
+        chase = pursue(seen[:, 0]).astype(np.float64)
         (ax, ay), (bx, by) = chase if drawn[0, 0] > 0.0 else drawn
-        ours = step_table(tables[0], law, rules, ax, ay, bx, by, contacts)
-        theirs = step_table(mirror[0], law, rules, bx, by, ax, ay, reflected)
-        assert ours == (-theirs[0], theirs[1], theirs[3], theirs[2], *theirs[4:])
+        ours = step_table(tables[0], params, settings, ax, ay, bx, by, contacts, hits)
+        theirs = step_table(mirror[0], params, settings, bx, by, ax, ay, reflected, hits)
+        swapped = {"point": -theirs.point, "left_reward": theirs.right_reward, "right_reward": theirs.left_reward}
+        assert ours == theirs._replace(**swapped)
         expected = turned(tables)
-        for field in set(TABLE.names) - {"hits", "potential"}:
+        for field in STATE.names:
             assert (mirror[field] == expected[field]).all(), field
-        count = int(tables["n_contacts"][0])
+        count = ours.n_contacts
         total += count
         for field in ("x", "y", "nx", "ny"):
             assert (contacts[field][:count] == -reflected[field][:count]).all()
@@ -413,7 +410,7 @@ def test_shaped_reward_is_sparse_plus_a_potential_that_telescopes(name):
     shaped, sparse = (AirHockeyEnv(table=name, reward=r, max_episode_steps=150) for r in ("shaped", "sparse"))
 
     def phi():
-        return float(potential(shaped._game.tables[0], shaped._game.physics[0], LEFT))
+        return float(potential(shaped._game.states[0], shaped._game.parameters[0], LEFT))
 
     ends = []
     for seed in range(30):
@@ -439,7 +436,7 @@ def test_shaped_reward_is_sparse_plus_a_potential_that_telescopes(name):
 def test_potential_grows_with_what_is_promising():
     def phi(position, velocity=(0.0, 0.0)):
         env = started(position, velocity)
-        return float(potential(env._game.tables[0], env._game.physics[0], LEFT))
+        return float(potential(env._game.states[0], env._game.parameters[0], LEFT))
 
     assert phi((0.5, 0.0)) > phi((0.1, 0.0)) > phi((-0.5, 0.3))
     assert phi((0.1, 0.0), (3.0, 0.0)) > phi((0.1, 0.0)) > phi((0.1, 0.0), (-3.0, 0.0))

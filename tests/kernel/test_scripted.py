@@ -11,8 +11,8 @@ import pytest
 from airhockey_env import PRESETS, AirHockeyEnv, AirHockeyVectorEnv
 from airhockey_env.game import Game
 from airhockey_env.kernel.observations import observe
-from airhockey_env.kernel.scripted import EXTERNAL, SCRIPTED, play
-from airhockey_env.kernel.state import PUCK, RIGHT
+from airhockey_env.kernel.scripted import EXTERNAL, SCRIPTED, scripted_action
+from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
 from tests.helpers import pursue, random_actions
 
 LIMIT = 1500
@@ -29,16 +29,14 @@ class Duel(NamedTuple):
 @functools.cache
 def duel(left: str, right: str, table: str = "full_size", points: int = 600, skill: float = 1.0) -> Duel:
     """Two scripted players against each other, one point a table; `skill` is the right one's. Seeds are fixed."""
-    game = Game(points, table=table, player=left, opponent=right, opponent_skill=skill, max_episode_steps=LIMIT)
-    game.seed(list(range(points)))
-    game.reset()
-    nobody = np.zeros((points, 2), np.float32)
+    game = Game(points, table=table, left=left, right=right, right_skill=skill, max_episode_steps=LIMIT)
+    game.reset(seed=0)
     result = np.zeros(points)
     for _ in range(LIMIT):
-        game.tables["done"] = False  # tables that are over go on, and are not looked at any more
-        game.step(nobody)
+        game.states["done"] = False  # tables that are over go on, and are not looked at any more
+        game.step()
         ended = game.out.terminated & (result == 0.0)
-        result[ended] = game.out.reward[ended]
+        result[ended] = game.out.point[ended]
         if result.all():
             break
     return Duel((result > 0.0).mean(), (result < 0.0).mean(), (result == 0.0).mean())
@@ -54,16 +52,17 @@ def test_scripted_players_are_the_documented_ones():
 @pytest.mark.parametrize("skill", [0.0, 0.4, 1.0])
 def test_actions_are_in_range(name, table, skill):
     """A finite action no longer than the skill, from whatever state; all of it is used at times."""
-    game = Game(200, table=table, opponent=name, opponent_skill=skill, max_episode_steps=200, autoreset=1)
-    game.seed(list(range(200)))
-    game.reset()
+    game = Game(200, table=table, right=name, right_skill=skill, max_episode_steps=200)
+    game.reset(seed=0)
     longest, drawn = 0.0, random_actions(1, 120, 200)
     for step in range(120):
-        chase = pursue(game.out.observation).astype(np.float32)
+        chase = pursue(game.out.observation[LEFT]).astype(np.float32)
         game.step(np.where(np.arange(200)[:, None] % 2 == 0, chase, drawn[step]))
         if step % 10 == 0:
             asked = game.get_state()
-            actions = np.array([play(asked[i], game.physics[0], RIGHT) for i in range(200)])
+            actions = np.array(
+                [scripted_action(asked[i], game.parameters[0], RIGHT, SCRIPTED[name]) for i in range(200)]
+            )
             assert np.isfinite(actions).all()
             longest = max(longest, np.hypot(*actions.T).max())
     assert longest <= skill * (1.0 + 1e-12)
@@ -158,10 +157,10 @@ def test_what_a_callable_sees_and_does(num_envs):
         before, places = envs.get_state(), envs.positions
         envs.step(actions)
         assert len(seen) == step + 1  # asked once a step, for all tables
-        expected = np.zeros((num_envs, 13), np.float32)
+        expected = np.zeros((2, num_envs, 13), np.float32)
         for i in range(num_envs):
-            observe(before[i], envs._game.physics[0], RIGHT, expected, i)
-        assert (seen[-1] == expected).all()
+            observe(before[i], envs._game.parameters[0], RIGHT, expected, i)
+        assert (seen[-1] == expected[RIGHT]).all()
         np.testing.assert_allclose(seen[-1][:, 8] * envs.table.length, -2.0 * places[:, PUCK, 0], atol=1e-6)
 
 
@@ -185,19 +184,17 @@ def test_a_callable_may_answer_with_a_list_and_is_clipped():
 
 def test_a_scripted_player_as_a_callable_would_play_the_same():
     """What a callable is shown, and what becomes of its answer, is what the scripted players work with."""
-    scripted = Game(20, opponent="goalie")
+    scripted = Game(20, right="goalie")
 
     def goalie(seen):
-        tables = shadow.tables.copy()
-        tables["player"][:, RIGHT] = SCRIPTED["goalie"]
-        return [play(tables[i], shadow.physics[0], RIGHT) for i in range(20)]
+        states = shadow.states.copy()
+        return [scripted_action(states[i], shadow.parameters[0], RIGHT, SCRIPTED["goalie"]) for i in range(20)]
 
-    shadow = Game(20, opponent=goalie)
+    shadow = Game(20, right=goalie)
     for game in (scripted, shadow):
-        game.seed(list(range(20)))
-        game.reset()
+        game.reset(seed=0)
     for actions in random_actions(2, 60, 20):
-        scripted.tables["done"] = shadow.tables["done"] = False
+        scripted.states["done"] = shadow.states["done"] = False
         scripted.step(actions)
         shadow.step(actions)
-        np.testing.assert_allclose(scripted.out.observation, shadow.out.observation, atol=1e-4)
+        np.testing.assert_allclose(scripted.out.observation[LEFT], shadow.out.observation[LEFT], atol=1e-4)

@@ -8,7 +8,7 @@ import pytest
 from gymnasium.error import ResetNeeded
 
 from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv
-from airhockey_env.kernel.state import TABLE
+from airhockey_env.kernel.state import STATE
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from tests.helpers import COPIES, pursue, random_actions, same, shown
 
@@ -173,7 +173,7 @@ def test_chosen_rows_put_back_leave_the_others_alone():
     play_batch(envs, 40)
     rows = np.array([3, 1])
     saved = envs.get_state(rows)
-    assert saved.dtype == TABLE and saved.shape == (2,)
+    assert saved.dtype == STATE and saved.shape == (2,)
     play_batch(envs, 30, seed=1)
     others = envs.get_state([0, 2, 4])
     envs.set_state(saved, rows)
@@ -232,7 +232,7 @@ def test_a_state_of_some_tables_does_not_begin_the_others():
 
 def test_states_leave_no_gaps():
     """Bytes between fields would not always be copied, and equal states could have different bytes."""
-    assert TABLE.itemsize == sum(TABLE[name].itemsize for name in TABLE.names)
+    assert STATE.itemsize == sum(STATE[name].itemsize for name in STATE.names)
 
 
 # Copies

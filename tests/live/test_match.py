@@ -141,8 +141,8 @@ def begun(opponent: MlpPolicy | str = "idle", **arguments: object) -> LiveMatch:
     """A match that is being played from `BEGUN` on, with the puck out of the left paddle's way."""
     match = LiveMatch(opponent, seed=0, **arguments)  # type: ignore[arg-type]
     match.restart(START)
-    match._table["position"][PUCK] = (0.4, 0.1)
-    match._table["side"] = 1
+    match._state["position"][PUCK] = (0.4, 0.1)
+    match._state["side"] = 1
     match.advance(BEGUN, None)
     assert not match.resting
     return match
@@ -150,14 +150,14 @@ def begun(opponent: MlpPolicy | str = "idle", **arguments: object) -> LiveMatch:
 
 def steps(match: LiveMatch) -> int:
     """Control steps that were played since the match began."""
-    return int(match._table["steps"])
+    return int(match._state["steps"])
 
 
 def shoot(match: LiveMatch, side: int) -> None:
     """Put the puck before a goal, on its way in."""
-    match._table["position"][PUCK] = (side * (0.5 * FULL_SIZE.length - 0.05), 0.0)
-    match._table["velocity"][PUCK] = (side * 5.0, 0.0)
-    match._table["position"][LEFT if side < 0 else RIGHT, 1] = 0.4
+    match._state["position"][PUCK] = (side * (0.5 * FULL_SIZE.length - 0.05), 0.0)
+    match._state["velocity"][PUCK] = (side * 5.0, 0.0)
+    match._state["position"][LEFT if side < 0 else RIGHT, 1] = 0.4
 
 
 @pytest.mark.parametrize("fps", [23.7, 60.0, 144.0, 480.0])
@@ -183,14 +183,14 @@ def test_the_frame_rate_does_not_change_the_game() -> None:
         match = begun("striker")
         for k in range(1, 2 * fps + 1):
             match.advance(BEGUN + k / fps + 1e-7, (-0.8, 0.2))
-        ends.append(match._table["position"].copy())
+        ends.append(match._state["position"].copy())
     for end in ends[1:]:
         np.testing.assert_array_equal(end, ends[0])
 
 
 def test_a_picture_lies_between_the_last_two_steps() -> None:
     match = begun()
-    match._table["velocity"][PUCK] = (1.0, 0.0)
+    match._state["velocity"][PUCK] = (1.0, 0.0)
     match.advance(BEGUN + 10.01 * TICK, None)
     at = match.positions[PUCK, 0]
     for share in (0.25, 0.5, 0.99):
@@ -254,7 +254,7 @@ def test_after_a_goal_the_picture_rests_and_does_not_slide_to_the_serve(
 ) -> None:
     match = begun()
     shoot(match, side)
-    paddles = match._table["position"][:PUCK].copy()
+    paddles = match._state["position"][:PUCK].copy()
     events = match.advance(BEGUN + 0.05, None)
     assert events[-1].kind == match.notice == kind and match.resting and not match.over
     assert match.score == score
@@ -266,7 +266,7 @@ def test_after_a_goal_the_picture_rests_and_does_not_slide_to_the_serve(
     np.testing.assert_array_equal(match.positions, rested)
     match.advance(scored + POINT_PAUSE + 0.25 * TICK, None)
     assert not match.resting and match.notice == ""
-    served = match._table["position"].copy()  # the serve is at rest, and so is everything in the picture
+    served = match._state["position"].copy()  # the serve is at rest, and so is everything in the picture
     np.testing.assert_allclose(match.positions, served, atol=1e-12)
     assert served[PUCK, 0] * side > 0.0
 
@@ -282,8 +282,8 @@ def test_a_foul_is_noticed() -> None:
 
 def test_hits_are_reported_with_their_strength() -> None:
     match = begun()
-    match._table["position"][PUCK] = (0.5, 0.5 * FULL_SIZE.width - FULL_SIZE.puck_radius - 0.02)
-    match._table["velocity"][PUCK] = (0.0, 4.0)
+    match._state["position"][PUCK] = (0.5, 0.5 * FULL_SIZE.width - FULL_SIZE.puck_radius - 0.02)
+    match._state["velocity"][PUCK] = (0.0, 4.0)
     (event,) = match.advance(BEGUN + 0.02, None)
     assert event.kind == "wall" and event.x == pytest.approx(0.5, abs=0.01)
     expected = 4.0 * (1.0 + FULL_SIZE.wall_restitution) / FULL_SIZE.puck_speed
@@ -293,8 +293,8 @@ def test_hits_are_reported_with_their_strength() -> None:
 def test_contacts_are_the_engines_and_the_puck_bends_where_they_are() -> None:
     match = begun()
     wall = 0.5 * FULL_SIZE.width - FULL_SIZE.puck_radius
-    match._table["position"][PUCK] = (0.5, wall - 4.3 * TICK)
-    match._table["velocity"][PUCK] = (0.0, 2.0)
+    match._state["position"][PUCK] = (0.5, wall - 4.3 * TICK)
+    match._state["velocity"][PUCK] = (0.0, 2.0)
     heights = {}
     contacts = []
     for k in range(1, 61):
@@ -360,15 +360,10 @@ def test_a_trained_policy_plays_at_the_rate_that_it_learned_at() -> None:
     assert match.positions[RIGHT, 0] < 0.1 and match.positions[RIGHT, 1] < -0.4
 
 
-def test_bad_arguments_are_named() -> None:
-    for arguments, message in (
-        ({"right": "nobody"}, "opponent must be"),
-        ({"right": "idle", "skill": 2.0}, "opponent_skill must be"),
-        ({"right": "idle", "points": 0}, "points must be"),
-        ({"right": "idle", "table": "pool"}, "table must be"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            LiveMatch(**arguments)  # type: ignore[arg-type]
+@pytest.mark.parametrize(("name", "value"), [("right", "nobody"), ("left", "nobody"), ("points", 0), ("table", "pool")])
+def test_bad_arguments_are_named(name: str, value: object) -> None:
+    with pytest.raises(ValueError, match=f"{name} must be"):
+        LiveMatch(**{"right": "idle", name: value})  # type: ignore[arg-type]
 
 
 # Pauses
@@ -429,7 +424,7 @@ def test_a_replay_of_a_match_plays_back_to_the_bit(right: str) -> None:
     states = list(play_back(match.replay()))
     assert states[-1].tobytes() == match.game.get_state().tobytes()
     assert sorted(states[-1]["score"][0])[-1] == 2
-    assert len(states) == match.game.tables["steps"][0] + 1
+    assert len(states) == match.game.states["steps"][0] + 1
 
 
 def test_a_replay_ends_where_the_recording_is_full(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -62,7 +62,7 @@ def test_tables_are_assigned_evenly_and_in_order(face):
     envs = face(10, opponent=POOL)
     assert envs.opponents == tuple(POOL)
     assert envs.opponent_indices.tolist() == [0, 1, 2, 3, 0, 1, 2, 3, 0, 1]
-    numbers = envs._game.tables["player"][:, RIGHT]
+    numbers = envs._game._drivers[RIGHT]
     assert numbers[:4].tolist() == [SCRIPTED["striker"], EXTERNAL, SCRIPTED["random"], EXTERNAL]
     envs.opponent_indices[0] = 3  # a copy
     assert envs.opponent_indices[0] == 0
@@ -131,9 +131,10 @@ def test_each_policy_is_asked_once_a_step_for_its_tables_alone(places):
     for step, actions in enumerate(random_actions(3, 80, 7)):
         before = envs.get_state()
         envs.step(actions)
-        expected = np.zeros((7, 13), np.float32)
+        room = np.zeros((2, 7, 13), np.float32)
         for i in range(7):
-            observe(before[i], envs._game.physics[0], RIGHT, expected, i)
+            observe(before[i], envs._game.parameters[0], RIGHT, room, i)
+        expected = room[RIGHT]
         for place, policy in enumerate((first, second)):
             rows = np.flatnonzero(places == place)
             assert len(policy.seen) == (step + 1 if len(rows) else 0)
@@ -159,7 +160,7 @@ def test_tables_side_by_side_are_shown_without_copying():
     envs.set_opponents([0, 1, 1, 1, 0, 0])
     envs.reset(seed=1)
     envs.step(np.zeros((6, 2)))
-    assert np.shares_memory(shown[0], envs._game.out.other_observation)
+    assert np.shares_memory(shown[0], envs._game.out.observation[RIGHT])
     envs.set_opponents([0, 1, 0, 1, 0, 1])
     envs.step(np.zeros((6, 2)))
     envs.step(np.zeros((6, 2)))
@@ -181,7 +182,7 @@ def test_opponents_change_in_the_midst_of_an_episode(reward):
     others = [AirHockeyVectorEnv(1, opponent=POOL[place], reward=reward) for place in envs.opponent_indices]
     for i, other in enumerate(others):
         state = envs.get_state([i])
-        state["opponent"] = 0
+        state["member"] = 0
         other.set_state(state)
     for actions in random_actions(6, 200, 6):
         results = envs.step(actions)[:4]
@@ -200,16 +201,17 @@ def test_a_callable_joins_a_scripted_game_and_leaves_it(reward):
     assert envs.add_opponent(policy) == 1 and envs.opponents == ("striker", policy)
     assert same(steps(envs, 5), steps(plain, 5)) and not policy.seen
     envs.set_opponents(1, tables=[2])
-    seen = np.zeros((1, 13), np.float32)
-    observe(envs.get_state([2])[0], envs._game.physics[0], RIGHT, seen, 0)
+    room = np.zeros((2, 1, 13), np.float32)
+    observe(envs.get_state([2])[0], envs._game.parameters[0], RIGHT, room, 0)
+    seen = room[RIGHT]
     mixed, alone = steps(envs, 40), steps(plain, 40)
     assert same(policy.seen[0], seen) and len(policy.seen) == 40
     rest = [0, 1, 3]
     assert all(same(one[0][rest], other[0][rest]) for one, other in zip(mixed, alone, strict=True))
     envs.set_opponents(0)
     envs.set_state(plain.get_state())
-    assert not envs._game.settings["both_sides"][0]
     assert same(steps(envs, 60), steps(plain, 60)) and len(policy.seen) == 40
+    assert not envs._game.settings["observed"][0, RIGHT]
 
 
 def test_a_place_takes_another_opponent():
@@ -310,12 +312,12 @@ def test_a_state_is_played_by_whoever_has_the_place_now():
     envs.reset(seed=1)
     steps(envs, 20)
     idle.set_state(envs.get_state())
-    assert (idle._game.tables["player"][:, RIGHT] == SCRIPTED["idle"]).all()
+    assert (idle._game._drivers[RIGHT] == SCRIPTED["idle"]).all()
     asked.set_state(envs.get_state())
     steps(asked, 3)
     assert len(policy.seen) == 3
     envs.set_state(asked.get_state())
-    assert (envs._game.tables["player"][:, RIGHT] == SCRIPTED["striker"]).all()
+    assert (envs._game._drivers[RIGHT] == SCRIPTED["striker"]).all()
 
 
 def test_a_state_of_a_larger_pool_is_refused():

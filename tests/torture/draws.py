@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from airhockey_env.compiled import records
 from airhockey_env.kernel.parameters import FIELDS
 from airhockey_env.kernel.scripted import SCRIPTED
-from airhockey_env.kernel.state import TABLE
+from airhockey_env.kernel.state import LEFT, RIGHT, STATE
+from airhockey_env.saved_states import game_state
 from airhockey_env.tables import PRESETS
 from tests.torture.apis import FACES
 from tests.torture.cases import encode_state, encoded
@@ -124,9 +125,9 @@ def draw_step(rng: np.random.Generator, trial: Trial, styles: NDArray[np.int64])
     """Actions of all players who are the caller's."""
     games = [row.game for row in trial.rows]
     step: dict[str, Any] = {"do": "step"}
-    views = [("actions", np.concatenate([game.out.observation for game in games]))]
-    if not games[0].opponents:
-        views.append(("others", np.concatenate([game.out.other_observation for game in games])))
+    views = [("actions", np.concatenate([game.out.observation[LEFT] for game in games]))]
+    if games[0].pools[RIGHT].by_caller:
+        views.append(("others", np.concatenate([game.out.observation[RIGHT] for game in games])))
     for side, (key, seen) in enumerate(views):
         changed = rng.random(len(seen)) < 0.06
         styles[changed, side] = rng.integers(STYLES, size=changed.sum())
@@ -202,9 +203,9 @@ def draw_bad(rng: np.random.Generator, trial: Trial) -> dict[str, Any]:
         if rng.random() < 0.5:
             return {"do": "bad state", "value": pick(rng, WEIRD[:21])}
         state = encode_state(trial.face.env.get_state())
-        table = state["table"] if game.randomized else state
+        table = state["state"] if game.randomized else state
         field, value = pick(
-            rng, (("position", NAN), ("position", 1e9), ("velocity", INF), ("opponent", 99), ("opponent", -1))
+            rng, (("position", NAN), ("position", 1e9), ("velocity", INF), ("member", 99), ("member", -1))
         )
         broken: Any = np.array(table[field])
         broken.reshape(-1)[int(rng.integers(broken.size))] = value
@@ -247,13 +248,10 @@ def draw_ambush(rng: np.random.Generator, trial: Trial) -> dict[str, Any]:
     states = []
     for row in trial.rows:
         state = row.game.get_state()
-        table = records(1, TABLE)
-        table[:] = state["table"] if row.game.randomized else state
+        table = records(1, STATE)
+        table[:] = game_state(state)
         if not row.done:
-            ambush(table[0], row.game.physics[0])
-        if row.game.randomized:
-            state["table"] = table
-        else:
-            state = table
+            ambush(table[0], row.game.parameters[0])
+        game_state(state)[:] = table
         states.append(np.asarray(state))
     return {"do": "state", "state": encode_state(np.concatenate(states))}

@@ -9,12 +9,13 @@ import numpy as np
 
 from airhockey_env.compiled import records
 from airhockey_env.engine.records import CONTACT
-from airhockey_env.game import RANDOMIZED_TABLE, Game
-from airhockey_env.kernel.parameters import spec_of
+from airhockey_env.game import Game
+from airhockey_env.kernel.parameters import params_of, spec_of
 from airhockey_env.kernel.random_stream import draw
-from airhockey_env.kernel.state import CONTACT_ROWS, LEFT, OBSERVATION_SIZE, RIGHT, TABLE
+from airhockey_env.kernel.state import CONTACT_ROWS, LEFT, OBSERVATION_SIZE, RIGHT, STATE
 from airhockey_env.kernel.step import begin, step_table
 from airhockey_env.replay import arguments_of
+from airhockey_env.saved_states import state_dtype
 from tests.torture.cases import Case, encode_state
 from tests.torture.compiled_here import compiled_here
 from tests.torture.laws import (
@@ -55,15 +56,15 @@ class Report(NamedTuple):
 
 
 @compiled_here
-def _end(table, tally):
+def _end(state, tally):
     """Keep the score of an episode."""
-    tally[POINTS] += table.score[0] + table.score[1]
-    table.score[0] = 0
-    table.score[1] = 0
+    tally[POINTS] += state.score[0] + state.score[1]
+    state.score[0] = 0
+    state.score[1] = 0
 
 
 @compiled_here
-def _play(tables, physics, settings, ranges, modes, whims, steps, before, actions, tally):
+def _play(states, parameters, game_settings, ranges, modes, whims, steps, before, actions, tally):
     """Play hostile steps on every table; stops at the first failure, the state before it in `before[0]`.
 
     Args:
@@ -72,35 +73,37 @@ def _play(tables, physics, settings, ranges, modes, whims, steps, before, action
     Returns the number of the failure and of the table.
     """
     contacts = np.zeros(CONTACT_ROWS, CONTACT)
-    seen = np.zeros((1, OBSERVATION_SIZE), np.float32)
-    rules = settings[0]
-    for i in range(tables.shape[0]):
-        table = tables[i]
-        law = physics[i if rules.randomized else 0]
+    hits = np.zeros(3, np.int32)
+    room = np.zeros((2, 1, OBSERVATION_SIZE), np.float32)
+    settings = game_settings[0]
+    for i in range(states.shape[0]):
+        state, params = states[i], params_of(parameters, i)
         for step in range(steps):
-            if rules.randomized and (step == 0 or table.done):
-                _end(table, tally)
-                before[0] = table
-                begin(table, law, rules, ranges, 0)
+            if settings.randomized and (step == 0 or state.done):
+                _end(state, tally)
+                before[0] = state
+                begin(state, params, settings, ranges, 0)
                 tally[DRAWN] += 1
-                if not in_ranges(law, ranges):
+                if not in_ranges(params, ranges):
                     return RANGES, i
             for player in (LEFT, RIGHT):
-                if draw(table) < 0.03:
-                    modes[i, player] = int(MODES * draw(table))
-                    whims[i, player] = draw(table)
-                ax, ay = hostile_action(table, law, player, modes[i, player], whims[i, player])
+                if draw(state) < 0.03:
+                    modes[i, player] = int(MODES * draw(state))
+                    whims[i, player] = draw(state)
+                ax, ay = hostile_action(state, params, player, modes[i, player], whims[i, player])
                 actions[player, 0], actions[player, 1] = ax, ay
-            if draw(table) < 0.01:
-                ambush(table, law)
-            before[0] = table
+            if draw(state) < 0.01:
+                ambush(state, params)
+            before[0] = state
             ax, ay = float(actions[LEFT, 0]), float(actions[LEFT, 1])
             bx, by = float(actions[RIGHT, 0]), float(actions[RIGHT, 1])
-            _, _, reward, _, terminated, truncated = step_table(table, law, rules, ax, ay, bx, by, contacts)
-            failure = check_step(before[0], table, law, rules, contacts, reward, terminated, truncated, seen, tally)
+            result = step_table(state, params, settings, ax, ay, bx, by, contacts, hits)
+            told = result.left_reward, result.terminated, result.truncated
+            kept = contacts, result.n_contacts
+            failure = check_step(before[0], state, params, settings, *kept, *told, room, tally)
             if failure != FINE:
                 return failure, i
-        _end(table, tally)
+        _end(state, tally)
     return FINE, 0
 
 
@@ -111,20 +114,20 @@ def play_hostile(name: str, control_hz: float, steps: int, seed: int, tables: in
         arguments |= {"points": 3, "max_episode_steps": EPISODE}
     else:
         arguments |= {"points": 2**30}  # one episode
-    game = Game(tables, task="match", control_hz=control_hz, opponent=None, **arguments)
-    game.seed([seed * tables + i for i in range(tables)])
-    game.reset()
+    game = Game(tables, task="match", control_hz=control_hz, right=None, **arguments)
+    game.reset(seed * tables)
     each = -(-steps // tables)
-    before, actions, tally = records(1, TABLE), np.zeros((2, 2), np.float32), new_tally()
+    before, actions, tally = records(1, STATE), np.zeros((2, 2), np.float32), new_tally()
     modes, whims = np.zeros((tables, 2), np.int64), np.zeros((tables, 2))
-    number, i = _play(game.tables, game.physics, game.settings, game.ranges, modes, whims, each, before, actions, tally)
+    fixed = (game.states, game.parameters, game.settings, game.ranges)
+    number, i = _play(*fixed, modes, whims, each, before, actions, tally)
     case = None
     if number != FINE:
         case = _case_of(game, number, i, before, actions)
     else:
-        for law in game.physics:
-            spec_of(law)  # raises an error if it is no table
-    digest = hashlib.sha256(game.tables.tobytes() + tally.tobytes()).hexdigest()[:32]
+        for params in game.parameters:
+            spec_of(params)  # raises an error if it is no table
+    digest = hashlib.sha256(game.states.tobytes() + tally.tobytes()).hexdigest()[:32]
     worst, *counts = tally.tolist()
     paddle, edge, crowded, pinned, points, drawn = map(int, counts)
     return Report(each * tables, worst, paddle, edge, crowded, pinned, points, drawn, digest, case)
@@ -134,8 +137,8 @@ def _case_of(game: Game, number: int, i: int, before: np.ndarray, actions: np.nd
     """The one step, or start of an episode, in which table i broke a law."""
     state = before
     if game.randomized:
-        state = np.zeros(1, RANDOMIZED_TABLE)
-        state["table"], state["physics"] = before, game.physics[i]
+        state = np.zeros(1, state_dtype(True, (None, None)))
+        state["state"], state["parameters"] = before, game.parameters[i]
     step = {"do": "step", "actions": actions[:1].tolist(), "others": actions[1:].tolist()}
     last = {"do": "reset"} if number == RANGES else step
     operations = [{"do": "state", "state": encode_state(state)}, last]

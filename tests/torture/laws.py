@@ -46,60 +46,58 @@ WORST, PADDLE_CONTACTS, EDGE_CONTACTS, CROWDED, PINNED, POINTS, DRAWN, TALLY = r
 
 
 @compiled_here
-def _edge_depth(x, y, r, physics):
+def _edge_depth(x, y, r, params):
     """How deep a puck is in a wall or post, m; negative if it is clear of them."""
     x, y = abs(x), abs(y)
-    depth = y + r - physics.half_width
-    if y >= physics.half_goal:
-        return max(depth, x + r - physics.half_length)
-    post = r - math.sqrt((x - physics.half_length) ** 2 + (y - physics.half_goal) ** 2)
-    return max(depth, post, x - physics.half_length)
+    depth = y + r - params.half_width
+    if y >= params.half_goal:
+        return max(depth, x + r - params.half_length)
+    post = r - math.sqrt((x - params.half_length) ** 2 + (y - params.half_goal) ** 2)
+    return max(depth, post, x - params.half_length)
 
 
 @compiled_here
-def _sane(contacts, count, physics):
+def _sane(contacts, count, params):
     """Whether the contacts of a step are what contacts can be."""
     before = 0.0
     for k in range(count):
         c = contacts[k]
-        if not before <= c.time <= physics.tick or not c.impulse > 0.0:
+        if not before <= c.time <= params.tick or not c.impulse > 0.0:
             return False
         if not (c.a == PUCK and c.b == -1) and not ((c.a == LEFT or c.a == RIGHT) and c.b == PUCK):
             return False
         if not abs(c.nx * c.nx + c.ny * c.ny - 1.0) < 1e-9:
             return False
-        if not (abs(c.x) <= physics.half_length + OVERLAP and abs(c.y) <= physics.half_width + OVERLAP):
+        if not (abs(c.x) <= params.half_length + OVERLAP and abs(c.y) <= params.half_width + OVERLAP):
             return False
         before = c.time
     return True
 
 
 @compiled_here
-def check_state(table, physics, seen, tally):
-    """The first law that a state breaks, or FINE; keeps the worst overlap in `tally`. `seen` is (1, 13), to work in."""
-    p, v = table.position, table.velocity
+def check_state(state, params, room, tally):
+    """The first law that a state breaks, or FINE; keeps the worst overlap in `tally`. `room` is (2, 1, 13), to use."""
+    p, v = state.position, state.velocity
     total = 0.0
     for disc in range(3):
         total += abs(p[disc, 0]) + abs(p[disc, 1]) + abs(v[disc, 0]) + abs(v[disc, 1])
     if not total < math.inf:
         return FINITE
 
-    r = physics.radius[PUCK]
+    r = params.radius[PUCK]
     gap = math.inf
     for player in (LEFT, RIGHT):
         dx, dy = p[PUCK, 0] - p[player, 0], p[PUCK, 1] - p[player, 1]
-        gap = min(gap, math.sqrt(dx * dx + dy * dy) - physics.radius[player] - r)
+        gap = min(gap, math.sqrt(dx * dx + dy * dy) - params.radius[player] - r)
         forward = 1.0 if player == LEFT else -1.0
-        ahead, radius = forward * p[player, 0], physics.radius[player]
-        out = max(
-            ahead + radius, -ahead + radius - physics.half_length, abs(p[player, 1]) + radius - physics.half_width
-        )
+        ahead, radius = forward * p[player, 0], params.radius[player]
+        out = max(ahead + radius, -ahead + radius - params.half_length, abs(p[player, 1]) + radius - params.half_width)
         tally[WORST] = max(tally[WORST], out)
         if out > OVERLAP:
             return CONFINED
-        if math.sqrt(v[player, 0] ** 2 + v[player, 1] ** 2) > physics.paddle_speed * (1.0 + ROUNDING):
+        if math.sqrt(v[player, 0] ** 2 + v[player, 1] ** 2) > params.paddle_speed * (1.0 + ROUNDING):
             return PADDLE_SPEED
-    edge = _edge_depth(p[PUCK, 0], p[PUCK, 1], r, physics)
+    edge = _edge_depth(p[PUCK, 0], p[PUCK, 1], r, params)
     tally[WORST] = max(tally[WORST], -gap, edge)
     if -gap > OVERLAP:
         return PADDLE
@@ -107,72 +105,72 @@ def check_state(table, physics, seen, tally):
         return EDGE
     if gap < OVERLAP and edge > -OVERLAP:
         tally[PINNED] += 1
-    if math.sqrt(v[PUCK, 0] ** 2 + v[PUCK, 1] ** 2) > physics.puck_speed * (1.0 + ROUNDING):
+    if math.sqrt(v[PUCK, 0] ** 2 + v[PUCK, 1] ** 2) > params.puck_speed * (1.0 + ROUNDING):
         return PUCK_SPEED
 
     for player in (LEFT, RIGHT):
-        observe(table, physics, player, seen, 0)
-        for k in range(seen.shape[1]):
-            if not -1.0 <= seen[0, k] <= 1.0:
+        observe(state, params, player, room, 0)
+        for k in range(room.shape[2]):
+            if not -1.0 <= room[player, 0, k] <= 1.0:
                 return OBSERVED
     return FINE
 
 
 @compiled_here
-def check_step(before, table, physics, rules, contacts, reward, terminated, truncated, seen, tally):
-    """The first law that a step from `before` to `table` breaks, or FINE; keeps counts in `tally`.
+def check_step(before, state, params, settings, contacts, n_contacts, reward, terminated, truncated, room, tally):
+    """The first law that a step from `before` to `state` breaks, or FINE; keeps counts in `tally`.
 
     Args:
-        rules: the `SETTINGS` in force.
-        contacts: (CONTACT_ROWS,) those of the step.
+        settings: the `SETTINGS` in force.
+        contacts: (CONTACT_ROWS,) the first `n_contacts` are those of the step.
         reward, terminated, truncated: what the left player was told.
     """
-    failure = check_state(table, physics, seen, tally)
+    failure = check_state(state, params, room, tally)
     if failure != FINE:
         return failure
-    failure = _check_rules(before, table, physics, rules, reward, terminated, truncated)
+    failure = _check_rules(before, state, params, settings, reward, terminated, truncated)
     if failure != FINE:
         return failure
-    if not _sane(contacts, table.n_contacts, physics):
+    if not _sane(contacts, n_contacts, params):
         return CONTACTS
     with_paddles = 0
-    for k in range(table.n_contacts):
+    for k in range(n_contacts):
         with_paddles += contacts[k].b == PUCK
     tally[PADDLE_CONTACTS] += with_paddles
-    tally[EDGE_CONTACTS] += table.n_contacts - with_paddles
-    crowded = table.n_contacts == contacts.shape[0]
+    tally[EDGE_CONTACTS] += n_contacts - with_paddles
+    crowded = n_contacts == contacts.shape[0]
     tally[CROWDED] += crowded
     speed_before = math.sqrt(before.velocity[PUCK, 0] ** 2 + before.velocity[PUCK, 1] ** 2)
-    speed = math.sqrt(table.velocity[PUCK, 0] ** 2 + table.velocity[PUCK, 1] ** 2)
+    speed = math.sqrt(state.velocity[PUCK, 0] ** 2 + state.velocity[PUCK, 1] ** 2)
     if not (crowded or with_paddles) and speed > speed_before * (1.0 + ROUNDING):  # a served puck is at rest
         return ENERGY
     return FINE
 
 
 @compiled_here
-def _check_rules(before, table, physics, rules, reward, terminated, truncated):
+def _check_rules(before, state, params, settings, reward, terminated, truncated):
     """The first rule of the game that a step breaks, or FINE."""
-    won, lost = table.score[0] - before.score[0], table.score[1] - before.score[1]
+    won, lost = state.score[0] - before.score[0], state.score[1] - before.score[1]
     if won < 0 or lost < 0 or won + lost > 1:
         return SCORE
-    if not rules.shaped and reward != float(won - lost):
+    if not settings.shaped and reward != float(won - lost):
         return SCORE
 
     if won + lost == 1:  # the side that conceded serves, if the game goes on
-        kept = table.clock == before.clock if terminated else table.clock == 0 and table.side == won - lost
-    elif table.side != before.side:  # over the centre line, or a foul
-        kept = table.clock == 0
+        kept = state.clock == before.clock if terminated else state.clock == 0 and state.side == won - lost
+    elif state.side != before.side:  # over the centre line, or a foul
+        kept = state.clock == 0
     else:
-        kept = table.clock == before.clock + 1 and (table.clock <= physics.clock_limit or terminated)
-    if not kept or not (terminated or table.side * table.position[PUCK, 0] >= 0.0):
+        kept = state.clock == before.clock + 1 and (state.clock <= params.clock_limit or terminated)
+    if not kept or not (terminated or state.side * state.position[PUCK, 0] >= 0.0):
         return CLOCK
 
-    limit = rules.max_steps > 0 and table.steps >= rules.max_steps
-    won_by_points = max(table.score[0], table.score[1]) >= rules.points
-    by_points = rules.task == POINT_TASKS[0] or rules.task == POINT_TASKS[1]
+    limit = settings.max_steps > 0 and state.steps >= settings.max_steps
+    won_by_points = max(state.score[0], state.score[1]) >= settings.points
+    by_points = settings.task == POINT_TASKS[0] or settings.task == POINT_TASKS[1]
     if (
-        table.steps != before.steps + 1
-        or table.done != (terminated or truncated)
+        state.steps != before.steps + 1
+        or (state.done != 0) != (terminated or truncated)
         or truncated != (limit and not terminated)
         or (by_points and terminated != won_by_points)
         or (won + lost == 1 and not by_points and not terminated)
@@ -182,11 +180,11 @@ def _check_rules(before, table, physics, rules, reward, terminated, truncated):
 
 
 @compiled_here
-def in_ranges(physics, ranges):
+def in_ranges(params, ranges):
     """Whether a table's fields are what `randomize` may draw."""
     outside = 0
     for k in range(ranges.shape[0]):
-        outside += not ranges[k, 0] <= physics.spec[k] <= ranges[k, 1]
+        outside += not ranges[k, 0] <= params.spec[k] <= ranges[k, 1]
     return outside == 0
 
 

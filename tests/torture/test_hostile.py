@@ -46,11 +46,10 @@ def test_hostile_tables_are_drawn_widely():
     """A few tables from a few ranges cover most of what tables may be."""
     drawn = []
     for seed in range(20):
-        game = Game(50, opponent="idle", **tables.table_of(tables.RANDOMIZED, seed, 50.0))
+        game = Game(50, right="idle", **tables.table_of(tables.RANDOMIZED, seed, 50.0))
         assert game.randomized == FIELDS
-        game.seed(range(50))
-        game.reset()
-        drawn.append(game.physics["spec"])
+        game.reset(seed=0)
+        drawn.append(game.parameters["spec"])
     specs = np.concatenate(drawn)
     assert len(np.unique(specs, axis=0)) == len(specs)
     share = specs[:, FIELDS.index("wall_restitution")]
@@ -81,7 +80,6 @@ def _set(name, index, value):
 
 def _contact(**values):
     def change(table, contacts):
-        table["n_contacts"] = 2
         contacts["time"], contacts["a"], contacts["b"], contacts["ny"], contacts["impulse"] = 0.01, PUCK, -1, 1.0, 0.1
         for name, value in values.items():
             contacts[name][1] = value
@@ -96,11 +94,10 @@ DEEP = 3.0 * laws.OVERLAP
 
 
 def check(before, game, contacts, reward=0.0, terminated=False, truncated=False):
-    work = np.zeros((1, OBSERVATION_SIZE), np.float32), laws.new_tally()
-    rules = game.settings[0]
-    return laws.check_step(
-        before, game.tables[0], game.physics[0], rules, contacts, reward, terminated, truncated, *work
-    )
+    work = np.zeros((2, 1, OBSERVATION_SIZE), np.float32), laws.new_tally()
+    kept = contacts, 2 if contacts["time"].any() else 0
+    told = reward, terminated, truncated
+    return laws.check_step(before, game.states[0], game.parameters[0], game.settings[0], *kept, *told, *work)
 
 
 @pytest.mark.parametrize(
@@ -142,15 +139,15 @@ def check(before, game, contacts, reward=0.0, terminated=False, truncated=False)
     ],
 )
 def test_each_check_sees_what_it_is_for(change, failure):
-    game = Game(1, opponent="idle")
+    game = Game(1, right="idle")
     game.reset()
-    game.tables["side"] = 1
-    game.tables["position"][0, PUCK] = (0.2, 0.1)
+    game.states["side"] = 1
+    game.states["position"][0, PUCK] = (0.2, 0.1)
     contacts = np.zeros(CONTACT_ROWS, CONTACT)
-    before = game.tables[0].copy()
+    before = game.states[0].copy()
     before["velocity"][PUCK] = 1.0, 0.0
-    game.tables["steps"], game.tables["clock"] = 1, 1
-    change(game.tables, contacts)
+    game.states["steps"], game.states["clock"] = 1, 1
+    change(game.states, contacts)
     assert check(before, game, contacts) == failure
 
 
@@ -164,19 +161,19 @@ def test_each_check_sees_what_it_is_for(change, failure):
     ],
 )
 def test_the_check_of_a_goal_sees_what_it_is_for(told, failure):
-    game = Game(1, opponent="idle")
+    game = Game(1, right="idle")
     game.reset()
-    game.tables["side"], game.tables["clock"] = 1, 3
-    before = game.tables[0].copy()
-    game.tables["position"][0, PUCK] = HALF_LENGTH, 0.0
-    game.tables["score"][0, LEFT], game.tables["steps"], game.tables["done"] = 1, 1, True
+    game.states["side"], game.states["clock"] = 1, 3
+    before = game.states[0].copy()
+    game.states["position"][0, PUCK] = HALF_LENGTH, 0.0
+    game.states["score"][0, LEFT], game.states["steps"], game.states["done"] = 1, 1, True
     if "terminated" not in told:
-        game.tables["done"], game.tables["clock"] = False, 0
+        game.states["done"], game.states["clock"] = False, 0
     assert check(before, game, np.zeros(CONTACT_ROWS, CONTACT), **told) == failure
 
 
 def test_the_check_of_ranges_sees_what_it_is_for():
-    game = Game(1, opponent="idle")
-    assert laws.in_ranges(game.physics[0], check_ranges(FULL_SIZE, {"length": (FULL_SIZE.length, 2.5)}))
-    assert not laws.in_ranges(game.physics[0], check_ranges(FULL_SIZE, {"length": (2.4, 2.5)}))
-    assert not laws.in_ranges(game.physics[0], check_ranges(FULL_SIZE, {"drag_linear": (0.1, 0.2)}))
+    game = Game(1, right="idle")
+    assert laws.in_ranges(game.parameters[0], check_ranges(FULL_SIZE, {"length": (FULL_SIZE.length, 2.5)}))
+    assert not laws.in_ranges(game.parameters[0], check_ranges(FULL_SIZE, {"length": (2.4, 2.5)}))
+    assert not laws.in_ranges(game.parameters[0], check_ranges(FULL_SIZE, {"drag_linear": (0.1, 0.2)}))

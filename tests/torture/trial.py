@@ -16,7 +16,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from airhockey_env.game import Game
-from airhockey_env.kernel.state import OBSERVATION_SIZE, RIGHT
+from airhockey_env.kernel.state import LEFT, OBSERVATION_SIZE, RIGHT
 from tests.torture.apis import FACES, Seen
 from tests.torture.cases import Case, decode_state, decoded
 from tests.torture.hostile import play_hostile
@@ -65,30 +65,29 @@ class Row:
 
     def __init__(self, arguments: dict[str, Any], i: int, mode: AutoresetMode, tally: NDArray[np.float64]) -> None:
         own = {name: value for name, value in arguments.items() if name not in OF_FACES}
-        if isinstance(own.get("opponent_skill"), list):
-            own["opponent_skill"] = own["opponent_skill"][i]
-        self.game = Game(1, **own, num_threads=1)
-        if isinstance(own.get("opponent"), list):
-            self.game.set_opponents(i % len(own["opponent"]))
+        skill, opponent = own.pop("opponent_skill", 1.0), own.pop("opponent", "striker")
+        skill = skill[i] if isinstance(skill, list) else skill
+        mode_of_game = AutoresetMode.DISABLED
+        self.game = Game(1, right=opponent, right_skill=skill, **own, autoreset_mode=mode_of_game, num_threads=1)
+        if isinstance(opponent, list):
+            self.game.pools[RIGHT].assign(i % len(opponent))
         self._mode = mode
         self._tally = tally
-        self._work = np.zeros((1, OBSERVATION_SIZE), np.float32)
+        self._work = np.zeros((2, 1, OBSERVATION_SIZE), np.float32)
 
     @property
     def done(self) -> bool:
         """Whether the episode is over."""
-        return bool(self.game.tables["done"][0])
+        return bool(self.game.done[0])
 
     def reset(self, seed: int | None = None, options: Any = None) -> Seen:
         """Begin an episode."""
         game = self.game
-        if seed is not None:
-            game.seed([seed])
-        game.reset(options=options)
+        game.reset(seed, options=options)
         self._tally[DRAWN] += bool(game.randomized)
-        if not in_ranges(game.physics[0], game.ranges):
+        if not in_ranges(game.parameters[0], game.ranges):
             raise Broken(FAILURES[RANGES])
-        self._check(check_state(game.tables[0], game.physics[0], self._work, self._tally))
+        self._check(check_state(game.states[0], game.parameters[0], self._work, self._tally))
         return self._seen(0.0, False, False, False)
 
     def step(self, action: Any, other: Any = None) -> Seen:
@@ -96,22 +95,23 @@ class Row:
         game, out = self.game, self.game.out
         if self.done and self._mode == AutoresetMode.NEXT_STEP:
             return self.reset()
-        before = game.tables[0].copy()
-        game.step(game.check_action(action), None if other is None else game.check_action(other))
-        told = float(out.reward[0]), bool(out.terminated[0]), bool(out.truncated[0])
+        before = game.states[0].copy()
+        game.step([action], None if other is None else [other])
+        told = float(out.reward[LEFT, 0]), bool(out.terminated[0]), bool(out.truncated[0])
         self._check(
             check_step(
                 before,
-                game.tables[0],
-                game.physics[0],
+                game.states[0],
+                game.parameters[0],
                 game.settings[0],
                 out.contacts[0],
+                int(out.n_contacts[0]),
                 *told,
                 self._work,
                 self._tally,
             )
         )
-        self._tally[POINTS] += game.tables["score"][0].sum() - before["score"].sum()
+        self._tally[POINTS] += game.states["score"][0].sum() - before["score"].sum()
         seen = self._seen(*told, bool(out.success[0]))
         if self.done and self._mode == AutoresetMode.SAME_STEP:
             seen["final"] = seen["observation"]
@@ -129,13 +129,13 @@ class Row:
             "reward": reward,
             "terminated": terminated,
             "truncated": truncated,
-            "score": game.tables["score"][0].copy(),
+            "score": game.states["score"][0].copy(),
             "is_success": success,
             "final": None,
         }
-        if not game.opponents:
-            seen["other_observation"] = game.shown(game.out.other_observation)[0]
-            seen["other_reward"] = float(game.out.other_reward[0])
+        if game.pools[RIGHT].by_caller:
+            seen["other_observation"] = game.observations(RIGHT)[0]
+            seen["other_reward"] = float(game.out.reward[RIGHT, 0])
         return seen
 
 
@@ -190,18 +190,11 @@ class Trial:
         getattr(self, f"_do_{operation['do'].replace(' ', '_')}")(**what)
         if self.face is not None and self.begun:
             ours, theirs = self.face.env.get_state(), np.concatenate([row.game.get_state() for row in self.rows])
-            self._agree("states", self._known(ours), self._known(theirs))
-
-    def _known(self, state: NDArray[np.void]) -> NDArray[np.void]:
-        """A state without the right players' potentials, where these are not kept: no policy from outside plays."""
-        if self.rows[0].game.opponents:
-            table = state["table"] if "table" in (state.dtype.names or ()) else state
-            table["potential"][:, RIGHT] = 0.0
-        return state
+            self._agree("states", ours, theirs)
 
     def _do_reset(self, seed: Any = None, options: Any = None, mask: Any = None, bad: bool = False) -> None:
         try:
-            checked = self.rows[0].game.check_reset_options(options)
+            self.rows[0].game.check_reset_options(options)
         except ValueError:
             bad = True
         chosen = np.array(mask) if isinstance(mask, list) and not bad else mask
@@ -210,7 +203,7 @@ class Trial:
             return
         seeds = seed if isinstance(seed, list) else [None if seed is None else seed + i for i in range(self.n)]
         theirs = [
-            row.reset(one, checked) if chosen is None or chosen[i] else None
+            row.reset(one, options) if chosen is None or chosen[i] else None
             for i, (row, one) in enumerate(zip(self.rows, seeds, strict=True))
         ]
         if self.face is not None:
@@ -251,8 +244,8 @@ class Trial:
 
     def _do_pool(self, indices: list[int], skill: list[float]) -> None:
         for row, index, share in zip(self.rows, indices, skill, strict=True):
-            row.game.set_opponents(index)
-            row.game.set_opponent_skill(share)
+            row.game.pools[RIGHT].assign(index)
+            row.game.pools[RIGHT].set_skill(share)
         self.face.env.set_opponents(indices)
         self.face.env.set_opponent_skill(skill)
         self._log({"do": "pool", "indices": indices, "skill": skill}, [])

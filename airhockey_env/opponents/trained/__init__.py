@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import functools
 from pathlib import Path
-from typing import Any
 
 from airhockey_env.opponents.policy import MlpPolicy
 
@@ -19,8 +18,3 @@ TRAINED = ("adept", "expert")
 def trained_policy(name: str) -> MlpPolicy:
     """The policy of a name in `TRAINED`; read from disk once."""
     return MlpPolicy.load(Path(__file__).parent / f"{name}.npz")
-
-
-def resolved(player: Any) -> Any:
-    """The policy behind the name of a trained player; whoever else as given."""
-    return trained_policy(player) if isinstance(player, str) and player in TRAINED else player

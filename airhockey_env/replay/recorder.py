@@ -1,4 +1,4 @@
-"""What the recording wrappers have in common: the takes of some tables, and the file that they are written to."""
+"""What the recording wrappers have in common: what was played on some tables, and the file that it is written to."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airhockey_env.game import Game
-from airhockey_env.kernel.scripted import EXTERNAL
 from airhockey_env.kernel.state import RIGHT
 from airhockey_env.replay.dynamics import arguments_of, fingerprint
 from airhockey_env.replay.file import Replay
+from airhockey_env.saved_states import game_state, save
 from airhockey_env.version import __version__
 
 
-class Takes:
+class TableRecording:
     """What was played on one table."""
 
     def __init__(self) -> None:
@@ -25,27 +25,27 @@ class Takes:
         self.states: list[NDArray[np.void]] = []
         self.ends: list[NDArray[np.void]] = []
         self.actions: list[Any] = []
-        self.others: list[NDArray[np.float32]] = []
+        self.right_actions: list[NDArray[np.float32]] = []
 
     def begin(self, state: NDArray[np.void], seed: int | None = None) -> None:
         """Begin a take, in place of the last one if nothing was played in that."""
         if self.starts and self.starts[-1] == len(self.actions):
-            for takes in (self.seeds, self.starts, self.states, self.ends):
-                del takes[-1]
+            for column in (self.seeds, self.starts, self.states, self.ends):
+                del column[-1]
         self.seeds.append(seed)
         self.starts.append(len(self.actions))
         self.states.append(state)
         self.ends.append(state)
 
     def add(
-        self, before: NDArray[np.void], action: Any, other: NDArray[np.float32] | None, after: NDArray[np.void]
+        self, before: NDArray[np.void], action: Any, right_action: NDArray[np.float32] | None, after: NDArray[np.void]
     ) -> None:
         """Note a step; it begins a take if its state is not where the last one led to."""
         if not self.ends or self.ends[-1].tobytes() != before.tobytes():
             self.begin(before)
         self.actions.append(action)
-        if other is not None:
-            self.others.append(np.array(other, np.float32))
+        if right_action is not None:
+            self.right_actions.append(np.array(right_action, np.float32))
         self.ends[-1] = after
 
 
@@ -68,8 +68,8 @@ class Recorder:
             raise FileNotFoundError(f"path must lie in a folder that exists, got {self.path}")
         self._game = game
         self._id = env_id
-        self._arguments = arguments_of(game, int(game.tables["opponent"][tables[0]]))  # of now: a pool may change
-        self._takes = {table: Takes() for table in tables}
+        self._arguments = arguments_of(game, int(game.pools[RIGHT].indices[tables[0]]))  # of now: a pool may change
+        self._recordings = {table: TableRecording() for table in tables}
         self._saved = -1
 
     def replay(self) -> Replay:
@@ -78,24 +78,26 @@ class Recorder:
         Raises:
             ValueError: nothing was.
         """
-        played = [takes for takes in self._takes.values() if takes.starts]
+        played = [recording for recording in self._recordings.values() if recording.starts]
         if not played:
             raise ValueError("there is nothing to replay yet: reset first")
-        before = np.cumsum([0, *(len(takes.actions) for takes in played)])
+        before = np.cumsum([0, *(len(recording.actions) for recording in played)])
         continuous = self._game.continuous
         return Replay(
             version=__version__,
             fingerprint=fingerprint(self._arguments),
             id=self._id,
             arguments=self._arguments,
-            seeds=tuple(seed for takes in played for seed in takes.seeds),
+            seeds=tuple(seed for recording in played for seed in recording.seeds),
             starts=np.concatenate([np.array(t.starts, np.int64) + n for t, n in zip(played, before, strict=False)]),
-            states=np.concatenate([state for takes in played for state in takes.states]),
-            ends=np.concatenate([state for takes in played for state in takes.ends]),
+            states=np.concatenate([state for recording in played for state in recording.states]),
+            ends=np.concatenate([state for recording in played for state in recording.ends]),
             actions=np.array(
-                [action for takes in played for action in takes.actions], np.float32 if continuous else np.int8
+                [action for recording in played for action in recording.actions], np.float32 if continuous else np.int8
             ).reshape((-1, 2) if continuous else (-1,)),
-            others=np.array([other for takes in played for other in takes.others], np.float32).reshape(-1, 2),
+            right_actions=np.array(
+                [action for recording in played for action in recording.right_actions], np.float32
+            ).reshape(-1, 2),
         )
 
     def save(self) -> None:
@@ -108,7 +110,7 @@ class Recorder:
         self._saved = self._steps()
 
     def _steps(self) -> int:
-        return sum(len(takes.actions) for takes in self._takes.values())
+        return sum(len(recording.actions) for recording in self._recordings.values())
 
     def _save_now_and_then(self) -> None:
         """Write the file if a quarter more has been played than it holds."""
@@ -117,17 +119,18 @@ class Recorder:
 
     def _save_the_rest(self) -> None:
         """Write the file, if there is anything to write that is not in it."""
-        takes: dict[int, Takes] = getattr(self, "_takes", {})  # Gymnasium 1.1 closes also a wrapper that was refused
-        if any(take.starts for take in takes.values()) and self._saved != self._steps():
+        recordings: dict[int, TableRecording] = getattr(
+            self, "_recordings", {}
+        )  # Gymnasium 1.1 closes also a wrapper that was refused
+        if any(recording.starts for recording in recordings.values()) and self._saved != self._steps():
             self.save()
 
     def _state(self, table: int) -> NDArray[np.void]:
         """The state of a table, (1,), as it would be in a game of its own."""
-        state = self._game.get_state([table])
-        own = state["table"] if self._game.randomized else state
-        own["opponent"] = 0
-        if own["player"][0, RIGHT] != EXTERNAL:  # nobody asks for its potential there
-            own["potential"][:, RIGHT] = 0.0
+        game = self._game
+        # Cameras decide what players see, not what comes of their actions.
+        state = save(np.array([table]), game.states, game.parameters, bool(game.randomized), (None, None))
+        game_state(state)["member"] = 0
         return state
 
     def _action(self, action: Any) -> Any:
@@ -149,4 +152,4 @@ def check_played(before: NDArray[np.void], after: NDArray[np.void], who: str) ->
 
 def steps_of(state: NDArray[np.void]) -> int:
     """Steps of the episode so far."""
-    return int((state["table"] if "table" in (state.dtype.names or ()) else state)["steps"][0])
+    return int(game_state(state)["steps"][0])

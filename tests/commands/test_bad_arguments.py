@@ -1,0 +1,100 @@
+"""What commands say of arguments that will not do: the option and what was given, before anything is written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.helpers import Call
+
+LINES = """
+benchmark --rounds 0
+benchmark --seconds nan
+benchmark --json no/x.json
+benchmark --page none.md
+curves none
+curves
+evaluate
+evaluate nobody
+evaluate idle --opponent nobody
+evaluate idle --opponent goalie --task hit
+evaluate idle --task juggle
+evaluate idle --table billiards
+evaluate idle --episodes 0
+evaluate idle --opponent-skill 1.1
+evaluate idle --opponent-skill nan
+evaluate idle --seed -1
+evaluate idle --episodes 2 --json none/result.json
+kiss_study --out nowhere/deep
+kiss_study --json nowhere/x.json
+ladder nobody
+ladder --points 0
+ladder --seed -1
+ladder --table billiards
+ladder --plot ladder.pdf
+ladder --plot none/ladder.png
+ladder --json none/ladder.json
+play --opponent nobody
+play --skill 1.5
+play --points 0
+play --fps 1
+play --size 10 500
+play --table pool
+record_video nobody
+record_video idle --opponent nobody
+record_video idle --opponent goalie --task hit
+record_video idle --task juggle
+record_video idle --out video.avi
+record_video idle --out none/video.gif
+record_video idle --seconds -1
+record_video idle --seconds nan
+record_video idle --fps 0
+record_video idle --width 5
+record_video idle --table billiards
+scorecard
+scorecard nobody
+scorecard idle --opponent nobody
+scorecard idle --points 0
+scorecard idle --episodes 0
+scorecard idle --seed -1
+scorecard idle --table billiards
+scorecard idle --plot card.pdf
+scorecard idle --plot none/card.png
+scorecard idle --json none/card.json
+train_ppo --opponent nobody
+train_ppo --opponents striker nobody
+train_ppo --table billiards
+train_ppo --reward huge
+train_ppo --num-envs 0
+train_ppo --steps 0
+train_ppo --steps many
+train_ppo --n-steps 1
+train_ppo --batch-size 1
+train_ppo --learning-rate -1
+train_ppo --gamma nan
+train_ppo --eval-points 0
+train_ppo --seed -1
+train_ppo --threads 0
+train_ppo --name ../outside
+train_ppo --resume none
+train_self_play --start none
+train_self_play --latest-share 1.1
+train_self_play --scripted-share 0.8
+train_self_play --snapshot-every 0
+train_self_play --most-past-selves 0
+train_self_play --warmup-steps -1
+train_self_play --opponents
+"""
+NAMELESS = {"curves": "RUN", "evaluate": "MODEL", "ladder": "MODEL", "record_video": "MODEL", "scorecard": "MODEL"}
+"""What the arguments without an option are called in the help."""
+
+
+@pytest.mark.parametrize("line", LINES.split("\n")[1:-1])
+def test_the_option_is_named_and_nothing_is_written(line: str, call: Call, tmp_path: Path) -> None:
+    script, *arguments = line.split()
+    option = next((one for one in reversed(arguments) if one.startswith("--")), NAMELESS.get(script, ""))
+    printed = call(script, *arguments, fails=True)
+    assert option in printed
+    assert not arguments or arguments[-1] in printed
+    assert not list(tmp_path.iterdir())
