@@ -1,1 +1,1 @@
-"""What plays and learns: PPO, evaluation, and the reports of runs. Used from a checkout, not installed."""
+"""Training, evaluation and reports. Used from a checkout; not part of the installed package."""

@@ -1,8 +1,8 @@
-"""What the network sees: the observation, and the puck as seen from the paddle; or pictures.
+"""Feature extractors: the position of the puck relative to the paddle for states, and convolutions for pictures.
 
-How a shot leaves depends on millimetres between paddle and puck, which are small differences of large numbers in the
-observation. A fixed linear layer in front of the network computes them at a useful scale; it costs nothing when the
-policy plays, because it is folded into the first layer's weights.
+Where a shot goes depends on millimetres between paddle and puck, which are small differences of large numbers in the
+observation. A fixed linear layer in front of the network computes them at a useful scale. It costs nothing when the
+exported policy plays, because it is folded into the weights of the first layer.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from airhockey_env.tables import FULL_SIZE, TableSpec
 
 _DISTANCE_SCALE = 6.0
-"""1/m: a paddle's and a puck's radius together come to about half a unit."""
+"""1/m. With this scale, the sum of the radii of a paddle and a puck is about half a unit."""
 
 _SPEED_SCALE = 3.0
-"""Most of the time the puck is far slower than its greatest speed."""
+"""Factor on the puck's velocity, because the puck is usually far slower than its greatest speed."""
 
 
 def relative_features(spec: TableSpec) -> NDArray[np.float32]:
-    """The (17, 13) matrix from an observation to the features."""
+    """The (17, 13) matrix that maps an observation to the features."""
     matrix = np.zeros((17, 13), np.float32)
     matrix[range(13), range(13)] = 1.0
     matrix[10, 10] = matrix[11, 11] = _SPEED_SCALE
@@ -49,10 +49,10 @@ class RelativeFeatures(BaseFeaturesExtractor):
 
 
 class SmallCnn(BaseFeaturesExtractor):
-    """Two convolutions for stacks of 84 x 84 pictures, made for a processor: the first looks at each patch once.
+    """Two convolutions for stacks of 84 x 84 pictures, designed for CPUs: the first sees each 4 x 4 patch once.
 
-    It keeps where things are (nothing is pooled), which is all that matters here. Give the policy
-    `normalize_images=False`: the division by 255 is done here, on the first layer's weights instead of the pictures.
+    Nothing is pooled, so positions, which are all that matters here, are preserved. Use `normalize_images=False` in the
+    policy: the division by 255 is done here, on the weights of the first layer instead of the pictures.
     """
 
     def __init__(self, observation_space: spaces.Box, features_dim: int = 128) -> None:

@@ -1,4 +1,4 @@
-"""Files of a run: none is ever left half written, and the errors of reading one name it."""
+"""The files of a run: atomic writing, and reading with checks whose errors name the file."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 from airhockey_env.files import parse_json, replace
 
 MOST_BYTES = 64 * 2**20
-"""The greatest size of a JSON file. A run's records of a hundred thousand updates take a third of it."""
+"""Greatest size of a JSON file. The records of a run with a hundred thousand updates take a third of it."""
 
 
 class Checked(Protocol):
-    """An arguments record."""
+    """A dataclass of arguments."""
 
     def check(self) -> None:
-        """Raises ValueError for what is out of range."""
+        """Raise ValueError if a field is out of range."""
 
 
 Args = TypeVar("Args", bound=Checked)
 
 
 def replace_together(writes: Mapping[Path, Callable[[Path], object]]) -> None:
-    """Let each function make a file beside its path; when all are made, put them in the places of the paths."""
+    """Let each function write a temporary file beside its path; once all are written, rename them to the paths."""
     parts = {path: path.with_name(f".part-{path.name}") for path in writes}
     try:
         for path, write in writes.items():
             write(parts[path])
             with open(parts[path], "rb+") as file:
-                os.fsync(file.fileno())  # or a machine that loses power could keep the new name of an empty file
+                os.fsync(file.fileno())  # otherwise a power failure could leave an empty file under the new name
         for path, part in parts.items():
             os.replace(part, path)
     finally:
@@ -44,7 +44,7 @@ def replace_together(writes: Mapping[Path, Callable[[Path], object]]) -> None:
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Write data as indented JSON. Numbers that JSON does not have (not a number, infinity) become null."""
+    """Write data as indented JSON. Numbers that JSON does not have (NaN, infinity) become null."""
     text = json.dumps(_finite(data), indent=2, allow_nan=False) + "\n"
     replace(path, lambda part: part.write_text(text, encoding="utf-8"))
 
@@ -58,14 +58,14 @@ def _finite(data: Any) -> Any:
 
 
 class Kind(NamedTuple):
-    """What a value of a JSON file has to be."""
+    """A condition on a value in a JSON file, and its description for error messages."""
 
     text: str
     fits: Callable[[Any], bool]
 
 
 def _number(value: Any) -> bool:
-    return type(value) in (int, float) and abs(value) < 1e300  # what is not a number is not less either
+    return type(value) in (int, float) and abs(value) < 1e300  # False for NaN too
 
 
 COUNT = Kind("a whole number from 0 up", lambda value: type(value) is int and 0 <= value < 2**63)
@@ -77,7 +77,7 @@ FILE = Kind("a file's name", lambda value: isinstance(value, str) and Path(value
 
 
 def or_none(kind: Kind) -> Kind:
-    """That or null."""
+    """The same kind, or null."""
     return Kind(f"{kind.text} or null", lambda value: value is None or kind.fits(value))
 
 
@@ -85,12 +85,14 @@ def read_json(path: Path, pattern: Any = None) -> Any:
     """Read a JSON file.
 
     Args:
-        pattern: what it has to hold: a `Kind`; a dict from names to patterns, for an object that has these and maybe
-            others; a list of one pattern, for a list of any length; a tuple, for a list of that length. None: anything.
+        path: the file.
+        pattern: what the file must contain: a `Kind`; a dict from names to patterns, for an object with at least these
+            names; a list of one pattern, for a list of any length; a tuple of patterns, for a list of that length.
+            None accepts anything.
 
     Raises:
         OSError: the file cannot be read.
-        ValueError: the file is not JSON, is too large, or does not hold that; the message names it.
+        ValueError: the file is not JSON, is too large, or does not match the pattern. The message names the file.
     """
     size = path.stat().st_size
     if size > MOST_BYTES:
@@ -105,7 +107,7 @@ def read_json(path: Path, pattern: Any = None) -> Any:
 
 
 def mismatch(data: Any, pattern: Any, where: str = "it") -> str | None:
-    """What does not fit a pattern of `read_json`; None if all does."""
+    """Describe the first value that does not match a pattern of `read_json`; None if everything matches."""
     if isinstance(pattern, Kind):
         return None if pattern.fits(data) else f"{where} must be {pattern.text}, got {_brief(data)}"
     if isinstance(pattern, dict):
@@ -131,16 +133,17 @@ def _brief(value: Any) -> str:
 
 
 def read_arguments(path: Path, arguments: type[Args], beside: Sequence[str] = ()) -> Args:
-    """The arguments record that a run's config.json keeps, checked.
+    """Read and check the arguments in the config.json of a run.
 
     Args:
-        beside: names of what else the file may hold.
-        arguments: a dataclass whose fields are numbers, texts, paths or tuples of these; those that the file lacks have
-            their defaults. Its method `check` raises ValueError for what is out of range.
+        path: the file.
+        arguments: a dataclass whose fields are numbers, texts, paths or tuples of these. Fields that are missing in the
+            file get their defaults. Its method `check` raises ValueError if a field is out of range.
+        beside: names that the file may contain in addition.
 
     Raises:
         OSError: the file cannot be read.
-        ValueError: it does not hold such arguments; the message names it.
+        ValueError: the file does not contain such arguments. The message names the file.
     """
     kept = read_json(path, {})
     hints = typing.get_type_hints(arguments)
@@ -164,7 +167,7 @@ def read_arguments(path: Path, arguments: type[Args], beside: Sequence[str] = ()
 
 
 def _typed(value: Any, hint: Any) -> Any:
-    """A value of JSON as a field of this type; a TypeError says what it must be."""
+    """Convert a JSON value to a field of this type; raise a TypeError that says what it must be."""
     if isinstance(hint, types.UnionType) or typing.get_origin(hint) is typing.Union:
         for one in typing.get_args(hint):
             try:

@@ -1,4 +1,4 @@
-"""Trained models: from Stable-Baselines3's files to policies that play, and whom a command line may name."""
+"""Players: policies from Stable-Baselines3's files, and everything that a command accepts as a player."""
 
 from __future__ import annotations
 
@@ -14,49 +14,39 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.files import read_json
+from airhockey_env.actions import DIRECTIONS
 from airhockey_env.drawing.pixels import CHANNELS, SIZE, Pixels
 from airhockey_env.game import OBS_TYPES, Game
 from airhockey_env.kernel.state import OBSERVATION_SIZE
 from airhockey_env.opponents.players import NAMES
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.opponents.trained import TRAINED, trained_policy
-from airhockey_env.spaces import DIRECTIONS
 
 Policy = Callable[[NDArray[np.float32]], NDArray[np.float32]]
-"""From state observations (N, 13), each from the player's own side, to actions (N, 2)."""
+"""Maps state observations (N, 13), each from the player's own side, to actions (N, 2)."""
 
 PLAYERS = (
     f"{', '.join(NAMES)}, a run's folder or its name under runs/, a policy.npz, a model.zip of Stable-Baselines3, "
     "or module:function"
 )
-"""Whom a command line may name."""
-
-PLAYER_HELP = (
-    f"{PLAYERS}. A function takes float32 observations (N, 13) and returns actions (N, 2); its module is "
-    "imported from the current folder."
-)
-
-TRUST_HELP = (
-    "Open a model.zip with its pickles where it cannot be played without them. A pickle runs whatever code its maker "
-    "likes: only for files of people you trust."
-)
+"""What a command accepts as a player."""
 
 _FUNCTION = re.compile(r"[^\W\d][\w.]*:[^\W\d]\w*")
 
 _AT_ONCE = 256
-"""Rows that a network is given at once: of stacked pictures, more would need gigabytes between the layers."""
+"""Rows per call of a network: with stacked pictures, more would need gigabytes between the layers."""
 
 
 class ModelPlayer:
-    """A model that needs PyTorch, or sees something else than one state observation, at any number of tables.
+    """A model that needs PyTorch, or that sees something other than a single state observation.
 
-    It is shown what the environment that it was trained in shows: states or pictures, and the last few of them stacked
-    as Stable-Baselines3's `VecFrameStack` does, with zeros before an episode's first.
+    It gets the observations that it was trained with: states or pictures, stacked as Stable-Baselines3's
+    `VecFrameStack` does, with zeros before the first observation of an episode.
 
     Args:
-        answer: the network: from what it sees, (N, ...), to actions (N, 2) or to the numbers (N,) of directions.
+        answer: the network. Maps observations (N, ...) to actions (N, 2) or to numbers of directions (N,).
         obs_type: "state", "rgb" or "grayscale".
-        frames: how many observations are stacked.
+        frames: number of stacked observations.
     """
 
     def __init__(self, answer: Callable[[NDArray[Any]], NDArray[Any]], obs_type: str, frames: int) -> None:
@@ -64,10 +54,10 @@ class ModelPlayer:
 
 
 class ModelPolicy:
-    """A `ModelPlayer` in one game: a `Policy` for this game alone, since it remembers what it has seen.
+    """A `ModelPlayer` in one game: a `Policy` that can only be used in this game, because it remembers observations.
 
     Attributes:
-        seen: (N, ...) what the network was given last.
+        seen: (N, ...) the last input of the network; None before the first.
     """
 
     def __init__(self, player: ModelPlayer) -> None:
@@ -82,11 +72,11 @@ class ModelPolicy:
         return self._pixels is not None
 
     def join(self, game: Game) -> None:
-        """Play in this game, on all of its tables."""
+        """Start playing in this game, on all of its tables."""
         self._game, self.seen = game, None
 
     def __call__(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Actions (N, 2) for the states (N, 13) of all tables, in every step once."""
+        """Actions (N, 2) for the state observations (N, 13) of all tables. Call it exactly once per step."""
         assert self._game is not None, "join a game first"
         new = self._observed(observations, self._game)
         if self.player.frames == 1:
@@ -103,7 +93,7 @@ class ModelPolicy:
         return actions.astype(np.float32) if actions.ndim == 2 else DIRECTIONS[actions]
 
     def _observed(self, observations: NDArray[np.float32], game: Game) -> NDArray[Any]:
-        """States (N, 13), or pictures (N, channels, 84, 84)."""
+        """The player's observations: states (N, 13) or pictures (N, channels, 84, 84)."""
         if self._pixels is None:
             return observations.copy()
         frames = self._pixels.blank(len(observations))
@@ -113,26 +103,28 @@ class ModelPolicy:
 
 
 Player = Policy | ModelPlayer | str
-"""Who plays: a policy, a model, or a named opponent's name."""
+"""A player: a policy, a model, or the name of a named opponent."""
 
 
 def in_one_game(player: Player) -> Policy | str:
-    """A player for one game: what `Game` takes. Let it `join` the game before that begins."""
+    """Prepare a player for one game, as `Game` accepts it. Call `join` before the game starts."""
     return ModelPolicy(player) if isinstance(player, ModelPlayer) else player
 
 
 def join(game: Game, *players: Policy | str) -> None:
-    """Let players that `in_one_game` made play in this game."""
+    """Let players that `in_one_game` returned play in this game."""
     for player in players:
         if isinstance(player, ModelPolicy):
             player.join(game)
 
 
 def export_policy(model: Any) -> MlpPolicy:
-    """The deterministic policy of a Stable-Baselines3 PPO, A2C, SAC, TD3 or DDPG with an `MlpPolicy`, without torch.
+    """Convert a Stable-Baselines3 PPO, A2C, SAC, TD3 or DDPG model with an `MlpPolicy` to a policy without torch.
+
+    The result is the deterministic policy.
 
     Raises:
-        ValueError: its actions are clipped (SAC's with gSDE are), and its hidden layers are not rectified.
+        ValueError: the policy clips its actions (as SAC with gSDE does) but its hidden layers are not ReLU.
     """
     from torch import nn
 
@@ -162,13 +154,13 @@ def _folded(
     clip: float | None,
     squash: bool,
 ) -> MlpPolicy:
-    """A network with a linear layer of features in front and clipped outputs, if there are such, as an `MlpPolicy`."""
+    """Fold a linear feature layer and the clipping of the outputs, if any, into an `MlpPolicy`."""
     if matrix is not None:
         weights[0] = weights[0] @ matrix
     if clip is not None:
         if activation != "relu":
             raise ValueError("policy must have rectified hidden layers to be exported with clipped actions, got tanh")
-        # Two rectifiers clip: low + max(x - low, 0) - max(x - high, 0).
+        # Two ReLUs clip: low + max(x - low, 0) - max(x - high, 0).
         low, high = np.float32(-clip), np.float32(clip)
         one = np.eye(len(biases[-1]), dtype=np.float32)
         weights[-1:] = [np.concatenate([weights[-1]] * 2), np.concatenate([one, -one], axis=1)]
@@ -177,16 +169,16 @@ def _folded(
 
 
 def load_player(model: str, option: str = "MODEL", *, trust: bool = False) -> Player:
-    """Whom a command line names.
+    """Load a player that is named on a command line.
 
     Args:
         model: one of `PLAYERS`.
-        option: what errors call the argument.
-        trust: open a model.zip with its pickles, where it cannot be played without them.
+        option: the name of the argument in error messages.
+        trust: open the pickles in a model.zip that cannot be loaded without them.
 
     Raises:
         FileNotFoundError: there is no such file or name.
-        ValueError: the file holds no player of this game, or needs `trust`.
+        ValueError: the file does not contain a player of this game, or needs `trust`.
     """
     if model in NAMES:
         return trained_policy(model) if model in TRAINED else model
@@ -206,13 +198,13 @@ def load_player(model: str, option: str = "MODEL", *, trust: bool = False) -> Pl
 
 
 def load_model(path: Path, *, trust: bool = False) -> MlpPolicy | ModelPlayer:
-    """The player in a Stable-Baselines3 model file: without PyTorch if it plays from one state observation.
+    """Load the player in a Stable-Baselines3 model file; one that sees a single state observation plays without torch.
 
-    What a network of pictures was shown may stand in the config.json beside it.
+    For pictures, the config.json beside the file says of which kind they are.
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: it holds no player of this game, or needs `trust`.
+        ValueError: the file does not contain a player of this game, or needs `trust`.
     """
     from agents.features import RelativeFeatures
     from agents.sb3_files import NeedsTrust, actor_of, read_model, trusted_policy
@@ -222,8 +214,8 @@ def load_model(path: Path, *, trust: bool = False) -> MlpPolicy | ModelPlayer:
     except NeedsTrust as error:
         if not trust:
             raise NeedsTrust(
-                f"{error}. What is missing stands in its pickles, which run whatever code their maker likes; open them "
-                "with --trust if you trust whoever made the file"
+                f"{error}. What is missing is in its pickles, which can run any code; open them with --trust if you "
+                "trust the author of the file"
             ) from error
         return _trusted_player(path, trusted_policy(path))
     obs_type, frames = _sight(path, actor.shape)
@@ -237,12 +229,12 @@ def load_model(path: Path, *, trust: bool = False) -> MlpPolicy | ModelPlayer:
 
 
 def _action(outputs: NDArray[np.float32]) -> NDArray[Any]:
-    """What the outputs of a deterministic network mean."""
+    """Convert the outputs of a deterministic network, (N, 2) or (N, 9), to actions (N, 2) or directions (N,)."""
     return outputs.clip(-1.0, 1.0) if outputs.shape[1] == 2 else outputs.argmax(axis=1)
 
 
 def _trusted_player(path: Path, policy: Any) -> ModelPlayer:
-    """A policy of Stable-Baselines3's own classes."""
+    """Wrap a policy that was loaded with its pickles."""
     if hasattr(policy, "lstm_actor"):
         raise ValueError(f"{path} holds a recurrent policy, which cannot be played here")
     obs_type, frames = _sight(path, tuple(getattr(policy.observation_space, "shape", None) or ()))
@@ -250,7 +242,7 @@ def _trusted_player(path: Path, policy: Any) -> ModelPlayer:
 
 
 def _sight(path: Path, shape: tuple[int, ...]) -> tuple[str, int]:
-    """What a network of this file sees, whose observations are of this shape: the kind, and how many are stacked."""
+    """The kind of observation for this shape, and how many are stacked."""
     if len(shape) == 1 and shape[0] % OBSERVATION_SIZE == 0:
         return "state", shape[0] // OBSERVATION_SIZE
     if len(shape) != 3 or shape[1:] != (SIZE, SIZE):
@@ -272,7 +264,7 @@ def _sight(path: Path, shape: tuple[int, ...]) -> tuple[str, int]:
 
 
 def _kind_of_run(config: Path) -> str | None:
-    """The kind of pictures that a run's config names, if it does."""
+    """The kind of pictures in the config of a run, or None if it does not say."""
     if not config.is_file():
         return None
     settings = read_json(config)
@@ -288,7 +280,7 @@ def _kind_of_run(config: Path) -> str | None:
 
 
 def _function(model: str, option: str) -> Policy:
-    """A function named as module:function. Its module is the user's own code, from the current folder."""
+    """Import a function given as module:function. The module is the user's own code, from the current folder."""
     module, _, name = model.partition(":")
     if os.getcwd() not in sys.path:
         sys.path.insert(0, os.getcwd())
@@ -303,6 +295,6 @@ def _function(model: str, option: str) -> Policy:
 
 
 def short_name(model: str) -> str:
-    """What tables and plots call a MODEL: an opponent's name, the run's folder, or a file's name."""
+    """Short name of a player for tables and plots: the opponent's name, the run's folder, or the file's name."""
     path = Path(model)
     return path.parent.name if path.name in ("policy.npz", "model.zip") and path.parent.name else path.name or model

@@ -1,63 +1,147 @@
-"""Checks of what a command line gave."""
+"""Options of the commands: those that several of them have, numbers as people type them, and checks of what was given.
+
+`Annotated` types are options with their help texts, for `tyro.cli`.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-import math
+import re
+from collections.abc import Iterable
+from decimal import Decimal
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import tyro
+
+from agents.models import PLAYERS
+from airhockey_env.checks import check_choice, check_number
 from airhockey_env.tables import PRESETS, TableSpec
 
-MOST = 1e18
-"""The greatest number that any option takes."""
+MOST = 10**18
+"""The largest number that any option takes."""
+
+
+def option_name(field: str) -> str:
+    """The option that sets a field of an arguments record."""
+    return f"--{field.replace('_', '-')}"
+
+
+def listed(names: Iterable[str], last: str = "or") -> str:
+    """Names in a sentence: "a, b or c"."""
+    *others, final = names
+    return f"{', '.join(others)} {last} {final}" if others else final
+
+
+# Options that several commands have ----------------------------------------------------------------------------------
+
+PLAYER_HELP = (
+    f"A player is one of {PLAYERS}. A function takes float32 observations (N, 13) and returns actions (N, 2); its "
+    "module is imported from the current folder."
+)
+"""The sentence that explains which players a command takes."""
+
+TableName = Annotated[str, tyro.conf.arg(help=f"Play on this table preset: {listed(PRESETS)}.")]
+"""The name of a table preset, see `check_table`."""
+
+Trust = Annotated[
+    bool,
+    tyro.conf.arg(
+        help="Load a model.zip even where that means to unpickle objects in it. Unpickling can run any code, so use "
+        "this only with files from people you trust."
+    ),
+]
+"""Whether `load_player` may unpickle."""
+
+JsonFile = Annotated[Path | None, tyro.conf.arg(metavar="FILE", help="Also write the results to this file, as JSON.")]
+"""Where to write results, see `check_output`."""
+
+PlotFile = Annotated[Path | None, tyro.conf.arg(metavar="FILE", help="Also draw the results into this .png file.")]
+"""Where to draw results, see `check_output`."""
+
+
+# Numbers -------------------------------------------------------------------------------------------------------------
+
+_SCALES = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9, "b": 10**9}
+_COUNT = re.compile(r"([+-]?(?:\d+(?:_\d+)*)(?:\.\d*)?(?:e[+-]?\d{1,3})?)([kmgb]?)", re.IGNORECASE)
+
+
+def read_count(text: str) -> int:
+    """The whole number that is written as 1000000, 1_000_000, 1e6, 1M or 1000k.
+
+    Raises:
+        ValueError: it is not a number, or not a whole one.
+    """
+    found = _COUNT.fullmatch(text.strip())
+    if found is None:
+        raise ValueError(f"must be a whole number, such as 20_000, 20k, 2e4 or 1.5M, got {text!r}")
+    number = Decimal(found[1].replace("_", "")) * _SCALES[found[2].lower()]
+    if abs(number) > MOST:
+        raise ValueError(f"must be at most {MOST:_}, got {text!r}")
+    if number != number.to_integral_value():
+        raise ValueError(f"must be a whole number, got {text!r}")
+    return int(number)
+
+
+_SPEC: Any = tyro.constructors.PrimitiveConstructorSpec(
+    nargs=1,
+    metavar="INT|1e6",
+    instance_from_str=lambda words: read_count(words[0]),
+    is_instance=lambda value: value is None or type(value) is int,
+    str_from_instance=lambda value: ["None" if value is None else f"{value:_}"],
+)
+
+Count = Annotated[int, _SPEC]
+"""A whole number on a command line."""
+
+OptionalCount = Annotated[int | None, _SPEC]
+"""A whole number on a command line, or None where none is given."""
+
+
+# Checks --------------------------------------------------------------------------------------------------------------
 
 
 def check_ranges(args: Any, **ranges: tuple[float, float]) -> None:
-    """Check number fields (None passes) of an arguments record against their (least, greatest) values.
+    """Check number fields (None passes) of an arguments record against their (smallest, largest) values.
 
     Raises:
-        ValueError: one is out of range; the message names its option, what was given and what is allowed.
+        ValueError: a field is out of range. The message names its option, what was given and what is allowed.
     """
-    for name, (least, greatest) in ranges.items():
-        value = getattr(args, name)
-        if value is None:
-            continue
-        if not least <= value <= greatest or abs(value) > MOST:
-            allowed = f"{least} or more" if math.isinf(greatest) else f"from {least} to {greatest}"
-            raise ValueError(f"--{name.replace('_', '-')} must be {allowed}, got {value}")
+    for field, (least, greatest) in ranges.items():
+        if getattr(args, field) is not None:
+            check_number(option_name(field), getattr(args, field), least, min(greatest, MOST))
 
 
 def not_default(args: Any) -> list[str]:
-    """Names of the fields of an arguments record that have another value than their default."""
+    """Names of the fields of a dataclass of arguments that differ from their defaults."""
     return [field.name for field in dataclasses.fields(args) if getattr(args, field.name) != field.default]
 
 
 def check_resumed(args: Any, kept: Any, given: Any = None) -> None:
-    """Check that a run is resumed with its own arguments: it would not heed others.
+    """Check that a run is resumed with its own arguments, because it would ignore others.
 
     Args:
-        args: of the command; what has its default value was not given.
-        kept: the run's own.
-        given: the run's own arguments with those of the command line in their places, where that is known. With it,
-            what was given is told from defaults.
+        args: the arguments of the command. A field with its default value counts as not given.
+        kept: the run's own arguments.
+        given: if known, the run's own arguments overridden by those on the command line, which also detects arguments
+            that were given with their default value.
 
     Raises:
-        ValueError: an argument is another than the run's; the message names its option.
+        ValueError: an argument differs from the run's. The message names its option.
     """
     names = [field.name for field in dataclasses.fields(kept)] if given is not None else not_default(args)
     now = args if given is None else given
     others = [n for n in names if n not in ("resume", "steps") and getattr(now, n) != getattr(kept, n)]
     if others:
-        options = " ".join(f"--{name.replace('_', '-')}" for name in others)
+        options = " ".join(map(option_name, others))
         raise ValueError(f"--resume goes on with the run's own arguments and --steps alone, got {options}")
 
 
 def check_output(name: str, path: Path | None, suffix: str = "") -> None:
-    """Check the path (None passes) of a file that a command will write, before it works for that.
+    """Check the path (None passes) of a file that a command will write, before it starts its work.
 
     Raises:
-        ValueError: it does not end in `suffix`.
+        ValueError: the path does not end in `suffix`.
         FileNotFoundError: its folder does not exist.
     """
     if path is None:
@@ -69,10 +153,10 @@ def check_output(name: str, path: Path | None, suffix: str = "") -> None:
 
 
 def make_folder(name: str, path: Path) -> None:
-    """Make the folder that a command will write into, unless it is there, before the command works for that.
+    """Make the folder that a command will write into, unless it is there, before it starts its work.
 
     Raises:
-        OSError: it cannot be made: there is a file in its place, or the folder above it does not exist, say.
+        OSError: it cannot be created, for example because its parent does not exist or it is a file.
     """
     try:
         path.mkdir(exist_ok=True)
@@ -80,15 +164,10 @@ def make_folder(name: str, path: Path) -> None:
         raise OSError(f"--{name} must be a folder, or a new one in a folder that exists, got {path}") from error
 
 
-TABLE_HELP = f"The table: {', '.join(PRESETS)}."
-
-
 def check_table(table: str) -> TableSpec:
-    """The preset that `--table` names.
+    """Return the preset for `--table`.
 
     Raises:
-        ValueError: there is none of that name.
+        ValueError: there is no preset of that name.
     """
-    if table not in PRESETS:
-        raise ValueError(f"--table must be one of {sorted(PRESETS)}, got {table!r}")
-    return PRESETS[table]
+    return PRESETS[check_choice("--table", table, PRESETS)]

@@ -35,7 +35,7 @@ def plain(axis: Any) -> None:
 
 
 def steps_unit(most: float) -> tuple[float, str]:
-    """What to divide numbers of steps by on an axis up to `most`, and the axis's label."""
+    """The unit for an axis of steps up to `most`, as a divisor and a label."""
     for scale, label in ((1e6, "million steps"), (1e3, "thousand steps")):
         if most >= scale:
             return scale, label
@@ -43,12 +43,12 @@ def steps_unit(most: float) -> tuple[float, str]:
 
 
 def time_unit(most: float) -> tuple[float, str]:
-    """What to divide seconds by on an axis up to `most`, and the axis's label."""
+    """The unit for an axis of times up to `most` s, as a divisor and a label."""
     return (60.0, "minutes") if most >= 120.0 else (1.0, "seconds")
 
 
 def from_zero(axis: Any, most: float) -> None:
-    """A horizontal axis from 0 to a little more than `most`: a single point is not blown up to a range of its own."""
+    """Set the x axis from 0 to a little more than `most`, so that a single point does not get a range of its own."""
     axis.set_xlim(0.0, 1.05 * most if most > 0.0 else 1.0)
     axis.ticklabel_format(axis="x", style="plain", useOffset=False)
 
@@ -56,7 +56,7 @@ def from_zero(axis: Any, most: float) -> None:
 def with_interval(
     axis: Any, x: Sequence[float], y: Sequence[float], intervals: Sequence[Sequence[float]], color: str, label: str
 ) -> None:
-    """Draw values over x with their intervals, which show where there is but one value too."""
+    """Draw values over x with their intervals, which are visible for a single value too."""
     axis.plot(x, y, color=color, label=label, marker=".")
     if intervals:
         low, high = zip(*intervals, strict=True)

@@ -1,10 +1,10 @@
-"""Stable-Baselines3's model files, read without running anything that is in them.
+"""Read Stable-Baselines3's model files without running any code in them.
 
-Such a file is a zip of PyTorch's weights and of a JSON named `data`. What JSON cannot hold, Stable-Baselines3 pickles
-into it, and a pickle runs whatever code its maker likes. Here pickles are never opened: weights are read by
-`torch.load(weights_only=True)`, counters are plain JSON, and what a deterministic player needs to know about the
-network stands in the names and shapes of its weights and in the readable text that Stable-Baselines3 leaves beside
-each pickle. What cannot be told from these needs `trusted_policy`, which does open the pickles.
+Such a file is a zip of PyTorch weights and a JSON file named `data`. Stable-Baselines3 pickles everything that JSON
+cannot represent, and a pickle can run any code. The functions here do not open pickles: weights are read with
+`torch.load(weights_only=True)`, counters are plain JSON, and the structure of the network is inferred from the names
+and shapes of its weights and from the readable text that Stable-Baselines3 stores beside each pickle. If that is not
+enough, `trusted_policy` opens the pickles.
 """
 
 from __future__ import annotations
@@ -31,48 +31,48 @@ from agents.features import RelativeFeatures, SmallCnn
 from airhockey_env.files import check_archive, parse_json
 
 MOST_BYTES, MOST_TIMES = 64 * 2**20, 4
-"""That a file may unpack to, or so many times its own size: Stable-Baselines3 does not compress, and weights hardly can
-be."""
+"""A file may unpack to `MOST_BYTES`, or to `MOST_TIMES` its own size if that is more: Stable-Baselines3 does not
+compress, and weights are hardly compressible."""
 
 COUNTERS = ("num_timesteps", "_total_timesteps", "_num_timesteps_at_start", "_episode_num", "_n_updates")
-"""What a model counts: whole numbers, in JSON as they are."""
+"""The counters of a model, which are plain whole numbers in its JSON."""
 
 ACTIVATIONS: dict[str, type[nn.Module]] = {
     f"<class 'torch.nn.modules.activation.{kind.__name__}'>": kind
     for kind in (nn.Tanh, nn.ReLU, nn.ELU, nn.GELU, nn.LeakyReLU, nn.SiLU)
 }
-"""By the readable text that stands beside the pickle."""
+"""Activation functions by the readable text beside their pickles."""
 
 _GLOBALS = {"collections OrderedDict", "torch._utils _rebuild_tensor_v2", "torch._utils _rebuild_parameter"}
-"""What weights need of PyTorch and Python, besides types of storages. `weights_only` allows more, such as a bytearray
-of any size."""
+"""The globals that weights need, besides types of storages. `weights_only` allows more, such as a bytearray of any
+size."""
 
 _STORAGE = re.compile(r"torch (Float|Double|Half|BFloat16|Long|Int|Short|Char|Byte|Bool)Storage")
 
 
 class NeedsTrust(ValueError):
-    """A file that may be a model, but does not tell without its pickles what the network is."""
+    """The file may be a model, but its network cannot be determined without opening its pickles."""
 
 
 @dataclass(frozen=True)
 class SavedModel:
-    """What a file holds besides its pickles."""
+    """The contents of a model file, without its pickles."""
 
     path: Path
     data: dict[str, Any]
-    """JSON; in place of what JSON cannot hold, a dict with ":type:" and readable fields."""
+    """The JSON data. A pickled value is a dict with ":type:" and readable fields."""
     params: dict[str, Any]
-    """State dicts by their names in the model: "policy", "policy.optimizer", ..."""
+    """State dicts by their names in the model, such as "policy" and "policy.optimizer"."""
     variables: dict[str, torch.Tensor]
     """Other tensors, such as SAC's "log_ent_coef"."""
 
 
 def read_model(path: Path) -> SavedModel:
-    """Read what can be read without unpickling.
+    """Read a model file without unpickling anything.
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: it is not a model of Stable-Baselines3, is damaged, or would unpack to more than it may.
+        ValueError: the file is not a Stable-Baselines3 model, is damaged, or would unpack to too much data.
     """
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
@@ -85,13 +85,13 @@ def read_model(path: Path) -> SavedModel:
             data = parse_json(archive.read("data").decode(), constants=True)
             if not isinstance(data, dict):
                 raise ValueError("its data are no JSON object")
-            # The pickled text is of no use and often long.
+            # The pickled text is not needed and often long.
             data = {name: _without_pickle(value) for name, value in data.items()}
             params = {name[: -len(".pth")]: _weights(archive.read(name)) for name in names if name.endswith(".pth")}
         variables = params.pop("pytorch_variables", None) or {}
         if not all(isinstance(value, torch.Tensor) for value in (*params["policy"].values(), *variables.values())):
             raise ValueError("its weights are no tensors")
-    except Exception as error:  # whatever damage makes of zip, JSON and PyTorch
+    except Exception as error:  # a damaged zip, JSON or PyTorch file may raise anything
         raise ValueError(f"{path} does not hold a model of Stable-Baselines3: {error}") from error
     return SavedModel(path, data, params, variables)
 
@@ -103,10 +103,10 @@ def _without_pickle(value: Any) -> Any:
 
 
 def _weights(file: bytes) -> Any:
-    """Tensors and plain values, as `torch.save` wrote them.
+    """Read tensors and plain values that were written by `torch.save`.
 
     Raises:
-        ValueError: other things are in there, or sizes that do not fit together.
+        ValueError: the file contains something else, or sizes that are inconsistent.
     """
     with zipfile.ZipFile(io.BytesIO(file)) as archive:
         check_archive(archive, len(file))  # PyTorch does not compress
@@ -119,7 +119,7 @@ def _weights(file: bytes) -> Any:
                 raise ValueError(f"weights must be tensors alone, and there is {argument!r} among them")
         records = sorted(info.file_size for info in archive.infolist() if "/data/" in info.filename and info.file_size)
     loaded = torch.load(io.BytesIO(file), map_location="cpu", weights_only=True)
-    # PyTorch takes the sizes of storages from the pickle, whatever the file has of them.
+    # PyTorch takes the sizes of storages from the pickle without checking them against the file.
     tensors = list(_tensors(loaded))
     storages = {tensor.untyped_storage().data_ptr(): tensor.untyped_storage().nbytes() for tensor in tensors}
     if sorted(size for size in storages.values() if size) != records:
@@ -132,10 +132,10 @@ def _weights(file: bytes) -> Any:
 
 
 def _tensors(value: Any, depth: int = 0) -> Any:
-    """All tensors in a state dict, of a model or of an optimiser.
+    """Yield all tensors in the state dict of a model or an optimizer.
 
     Raises:
-        ValueError: there is something else in it, or it goes deeper than such a dict does.
+        ValueError: it contains something else, or is nested too deeply.
     """
     if depth > 4:
         raise ValueError("weights must be a state dict")
@@ -152,11 +152,11 @@ def _tensors(value: Any, depth: int = 0) -> Any:
 
 
 def load_weights(model: BaseAlgorithm, path: Path) -> None:
-    """Put weights, the optimisers' states and the counters of a file into a freshly built model of the same shape.
+    """Load weights, optimizer states and counters from a file into a newly built model of the same architecture.
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: it is none, or not one of such a model. The model may have changed in part then.
+        ValueError: the file is not a model, or a model of another architecture. The model may be partly changed.
     """
     saved = read_model(path)
     names, variables = model._get_torch_save_params()
@@ -185,10 +185,10 @@ def load_weights(model: BaseAlgorithm, path: Path) -> None:
 
 
 def _check_optimiser(own: torch.optim.Optimizer, saved: Any) -> None:
-    """Whether a state fits an optimiser, which takes any and fails in its first step.
+    """Check that a state matches an optimizer, which would accept any state and fail in its first step.
 
     Raises:
-        ValueError: it does not.
+        ValueError: it does not match.
     """
     state, groups = saved["state"], saved["param_groups"]
     for group, mine in zip(groups, own.state_dict()["param_groups"], strict=True):
@@ -219,7 +219,7 @@ class Actor:
 
     @torch.no_grad()
     def __call__(self, observations: NDArray[Any]) -> NDArray[np.float32]:
-        """Outputs (N, 2) or (N, 9) for observations (N, *shape), before clipping to the action space."""
+        """Return the outputs (N, 2) or (N, 9) for observations (N, *shape), before clipping to the action space."""
         x = self.features(torch.as_tensor(observations).float())
         activation = self.activation()
         for number, (weight, bias) in enumerate(self.layers, 1):
@@ -231,7 +231,7 @@ class Actor:
 
 
 class _Divided(nn.Module):
-    """Pictures from 0 to 1, as Stable-Baselines3 hands them on unless `normalize_images=False`."""
+    """Divides pictures by 255, as Stable-Baselines3 does unless `normalize_images=False`."""
 
     def __init__(self, features: nn.Module) -> None:
         super().__init__()
@@ -242,12 +242,12 @@ class _Divided(nn.Module):
 
 
 class _Kind(NamedTuple):
-    """A kind of policy, by the names of its weights."""
+    """The structure of a kind of policy, given by the names of its weights."""
 
-    mark: str  # what no other kind has
+    mark: str  # a name that no other kind has
     layers: tuple[str, ...]  # of the deterministic player, in order
-    features: str  # what comes before them
-    others: tuple[str, ...]  # what the player does without
+    features: str  # the feature extractor before them
+    others: tuple[str, ...]  # weights that the player does not need
     activation: type[nn.Module]  # unless `policy_kwargs` name another
     squash: bool = False
     twins: tuple[str, ...] = ()  # other names of the features
@@ -273,20 +273,20 @@ _KINDS = (
 
 
 def actor_of(saved: SavedModel) -> Actor:
-    """The deterministic player in a file.
+    """Build the deterministic player of a model file.
 
-    Known are the policies of PPO, A2C, TRPO, SAC, TQC, TD3, DDPG and DQN with Stable-Baselines3's own networks, and
-    those of this project (`agents.features`).
+    Supports policies of PPO, A2C, TRPO, SAC, TQC, TD3, DDPG and DQN with the networks of Stable-Baselines3 and of this
+    project (`agents.features`).
 
     Raises:
-        NeedsTrust: another kind of network, or one whose kind stands in a pickle alone.
-        ValueError: the weights do not fit together.
+        NeedsTrust: the network is of another kind, or only a pickle says of which kind.
+        ValueError: the weights are inconsistent.
     """
     try:
         return _actor(saved)
     except NeedsTrust as error:
         raise NeedsTrust(f"{saved.path}: {error}") from error
-    except Exception as error:  # weights that do not fit together
+    except Exception as error:  # inconsistent weights may raise anything
         raise ValueError(f"{saved.path} does not hold a player of this game: {error}") from error
 
 
@@ -299,7 +299,7 @@ def _actor(saved: SavedModel) -> Actor:
     if not known:
         raise NeedsTrust(f"its network is of another kind than those known here (it has {sorted(weights)[:3]})")
     kind = known[0]
-    # Of SAC's outputs, a network with gSDE clips those that come before tanh; its last layer has a number then.
+    # SAC with gSDE clips the outputs before tanh; its last layer then has a number in its name.
     clip = float(kwargs.get("clip_mean", 2.0)) if kind.mark == _SAC and "actor.mu.0.weight" in weights else None
     squash = kind.squash or kwargs.get("squash_output", False) is True
     prefix, twins = kind.features, kind.twins
@@ -311,7 +311,7 @@ def _actor(saved: SavedModel) -> Actor:
             layers.append((weights.pop(f"{name}.weight").float(), weights.pop(f"{name}.bias").float()))
             number += 2  # an activation comes in between
     features = {name[len(prefix) + 1 :]: weights.pop(name) for name in list(weights) if name.startswith(f"{prefix}.")}
-    if not features and twins:  # of Stable-Baselines3 before 1.7
+    if not features and twins:  # a file of Stable-Baselines3 before 1.7
         features = {n[len(twins[0]) :]: weights.pop(n) for n in list(weights) if n.startswith(twins[0])}
     unknown = [name for name in weights if not name.startswith((*kind.others, *twins))]
     if unknown:
@@ -338,7 +338,7 @@ def _actor(saved: SavedModel) -> Actor:
 def _features(
     weights: dict[str, torch.Tensor], shape: tuple[int, ...], kwargs: dict[str, Any]
 ) -> tuple[nn.Module, int]:
-    """What comes before the layers, and its number of outputs."""
+    """The feature extractor before the layers, and its number of outputs."""
     named = kwargs.get("features_extractor_class")
     pictures = len(shape) == 3
     module: nn.Module
@@ -362,10 +362,10 @@ def _features(
 
 
 def trusted_policy(path: Path) -> Any:
-    """The Stable-Baselines3 policy in a file, with all its pickles. This runs whatever code the file's maker likes.
+    """Load the Stable-Baselines3 policy in a file with its pickles. This can run any code that is in the file.
 
     Raises:
-        ValueError: there is none in the file.
+        ValueError: the file does not contain a policy.
     """
     from stable_baselines3.common.save_util import load_from_zip_file
 
@@ -378,6 +378,6 @@ def trusted_policy(path: Path) -> Any:
         )  # fmt: skip
         policy.load_state_dict(params["policy"])
         policy.set_training_mode(False)
-    except Exception as error:  # whatever the code in it does
+    except Exception as error:  # the code in the file may raise anything
         raise ValueError(f"{path} does not hold a model of Stable-Baselines3: {error}") from error
     return policy

@@ -1,8 +1,8 @@
-"""Random streams that share nothing: of every purpose, of every seed, and of every session of a resumed run.
+"""Independent random streams for every purpose, every seed and every session of a resumed run.
 
-Gymnasium's convention, which the environments keep, gives table i of a batch the seed `seed + i`: batches of 512 tables
-with seeds 0 and 1 have 511 of their streams in common. What is compared by its seeds, as training runs are, needs
-streams that are independent; NumPy's `SeedSequence` spreads them.
+By Gymnasium's convention, which the environments follow, environment i of a batch gets the seed `seed + i`. Batches of
+512 environments with seeds 0 and 1 therefore share 511 streams. Training runs are compared across seeds and need
+independent streams, which NumPy's `SeedSequence` provides.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 PURPOSES = ("actions", "practice", "training", "league", "progress", "report", "evaluation", "video")
-"""What streams are for. A purpose is known by its place here: new ones go to the end.
+"""The purposes of streams. The position in this tuple identifies a purpose, so new ones must be added at the end.
 
-"actions" is the exploration, "progress" and "report" are a run's own evaluations while it trains and at its end, and
-"evaluation" is what a command plays."""
+"actions" is exploration, "progress" and "report" are a run's own evaluations during training and at its end, and
+"evaluation" is for commands that play."""
 
 
 def sequence(purpose: str, seed: int, *part: int) -> np.random.SeedSequence:
@@ -21,12 +21,15 @@ def sequence(purpose: str, seed: int, *part: int) -> np.random.SeedSequence:
 
     Args:
         purpose: one of `PURPOSES`.
-        seed: 0 or more; the run's or the command's.
-        part: 0 or more each; tells streams of the same purpose and seed from each other.
+        seed: seed of the run or the command, 0 or more.
+        part: numbers, each 0 or more, that distinguish streams of the same purpose and seed.
     """
     return np.random.SeedSequence(seed, spawn_key=(PURPOSES.index(purpose), *part))
 
 
 def table_seeds(purpose: str, seed: int, number: int, *part: int) -> list[int]:
-    """Seeds for that many tables, below 2**64; arguments as in `sequence`. More tables have the same ones first."""
+    """Return `number` seeds below 2**64 for the tables of a batch. A larger number has the same seeds first.
+
+    The other arguments are as in `sequence`.
+    """
     return sequence(purpose, seed, *part).generate_state(number, np.uint64).tolist()

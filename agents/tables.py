@@ -1,4 +1,4 @@
-"""Tables of numbers in a terminal: they fit its width without breaking a word, a number or a head's words."""
+"""Print tables in a terminal so that they fit its width without breaking words or numbers."""
 
 from __future__ import annotations
 
@@ -6,20 +6,22 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 GAP = 2
-"""Between two columns."""
+"""Spaces between two columns."""
 
 LONGEST_WORD = 24
-"""Letters of the longest word that a text column keeps whole; longer ones, such as paths, are folded."""
+"""Length of the longest word that is never broken in a text column; longer ones, such as paths, are."""
 
 
 def print_table(title: str, cells: Sequence[Sequence[str]], names: int = 0) -> None:
-    """Print a table. Where it is too wide, texts and heads are wrapped between words; where that is not enough, the
-    table is cut between two columns, and what follows is printed below with the names again.
+    """Print a table.
+
+    If it is too wide, texts and heads are wrapped between words. If it is still too wide, the table is split between
+    columns, and each part repeats the names of the rows.
 
     Args:
-        title: stands over it.
-        cells: a row of heads, then rows of as many cells. No heads are shown if all are empty.
-        names: number of the column that says what a row is about; it and all before it come again after a cut.
+        title: printed above the table.
+        cells: a row of heads, then rows of as many cells. The heads are not printed if all are empty.
+        names: number of the column with the names of the rows. It and the columns before it are repeated in each part.
     """
     from rich.console import Console
     from rich.table import Table
@@ -41,14 +43,14 @@ def print_table(title: str, cells: Sequence[Sequence[str]], names: int = 0) -> N
 
 
 def _least(column: Sequence[str], text: bool) -> int:
-    """The width of its longest word or number."""
+    """The width of the longest word or number of a column."""
     words = column[0].split() + ([word for cell in column[1:] for word in cell.split()] if text else list(column[1:]))
     longest = max(map(len, words), default=0)
     return max(1, min(longest, LONGEST_WORD) if text else longest)
 
 
 def _parts(columns: Sequence[Sequence[str]], texts: Sequence[bool], width: int) -> list[list[int]]:
-    """Numbers of the columns of each part, the texts in all of them: as few parts as fit, about equally long."""
+    """Split the columns into as few parts as fit, of about equal length; text columns are in every part."""
     again = [k for k, text in enumerate(texts) if text]
     others = [k for k, text in enumerate(texts) if not text]
     for number in range(1, len(others) + 1):
@@ -60,7 +62,7 @@ def _parts(columns: Sequence[Sequence[str]], texts: Sequence[bool], width: int) 
 
 
 def _widths(columns: Sequence[Sequence[str]], texts: Sequence[bool], width: int) -> list[int]:
-    """The widths of all columns: the least that each needs, and what is left goes to those that lack most."""
+    """The widths of all columns: the least that each needs; spare space goes to the columns that lack most."""
     widths = [_least(column, text) for column, text in zip(columns, texts, strict=True)]
     for _ in range(width - sum(widths) - GAP * (len(widths) - 1)):
         lacks = [max(map(len, column)) - now for column, now in zip(columns, widths, strict=True)]

@@ -1,4 +1,4 @@
-"""The engine for people who want physics and no game."""
+"""`AirTable`: the physics engine without a game."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from airhockey_env.checks import check_array, check_choice, check_number, check_pair, check_positive, fault
 from airhockey_env.compiled import compiled, machine_code, records
 from airhockey_env.engine.advance import advance
 from airhockey_env.engine.cluster import forget, make_cluster
@@ -15,61 +16,42 @@ from airhockey_env.engine.discrete import advance_discrete
 from airhockey_env.engine.near import FEWEST, find_near, make_near
 from airhockey_env.engine.records import CONTACT, SURFACE, Discs
 from airhockey_env.engine.tolerances import FARTHEST, GREATEST, MOST_CONTACTS, OVERLAP, TABLE_CONTACTS
-from airhockey_env.real_numbers import as_float, shown
 from airhockey_env.threads import Threads
 
 METHODS = ("continuous", "kiss", "overlap")
 
 
-def _array(name: str, value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
-    """`value` as a fresh float64 array of the given shape (scalars are spread), or an error that names it."""
-    try:
-        given = np.asarray(value)
-    except (OverflowError, TypeError, ValueError) as error:
-        raise ValueError(f"{name} must be {what}, got {shown(value)}") from error
-    if given.dtype.kind == "O" and given.shape in ((), shape):  # whole numbers that no dtype holds, fractions
-        numbers = [as_float(number) for number in given.ravel()]
-        given = np.array([math.nan if number is None else number for number in numbers]).reshape(given.shape)
-        if None in numbers:
-            raise ValueError(f"{name} must be {what}, got {shown(value)}")
-    if given.dtype.kind not in "fiu":
-        raise ValueError(f"{name} must be {what}, got {shown(value)}")
-    with np.errstate(over="ignore", under="ignore"):
-        array = given.astype(np.float64)
-    if (np.isinf(array) & np.isfinite(given)).any():  # a longer type's number
-        raise ValueError(f"{name} must be {what}, got {shown(value)}")
-    array = np.array(np.broadcast_to(array, shape) if array.ndim == 0 else array, order="C")
-    if array.shape != shape:
-        raise ValueError(f"{name} must be {what}, that is of shape {shape}; got shape {array.shape}")
-    if np.isnan(array).any():
-        raise ValueError(f"{name} must be {what}, got NaN")
-    return array
+_RANGE = f"from {1.0 / GREATEST:g} to {GREATEST:g}"
 
 
-def _share(name: str, value: float) -> float:
-    number = as_float(value)
-    if number is None or not 0.0 <= number <= 1.0:
-        raise ValueError(f"{name} must be a number from 0 to 1, got {shown(value)}")
-    return number
+def _in_range(lengths_or_masses: NDArray[np.float64]) -> NDArray[np.bool_]:
+    return (lengths_or_masses >= 1.0 / GREATEST) & (lengths_or_masses <= GREATEST)
+
+
+def _check_all(name: str, numbers: NDArray[np.float64], good: NDArray[np.bool_], allowed: str) -> None:
+    """Raise the error about the first of these numbers that is not good."""
+    if not good.all():
+        raise fault(name, allowed, numbers[~good][0])
 
 
 def _recorded(buffer: NDArray[np.void], count: int) -> NDArray[np.void]:
-    """The first contacts of a buffer, as a plain array of their own."""
+    """Return a copy of the first `count` contacts of a buffer, as a plain array."""
     return np.array(buffer[:count].view(np.ndarray))
 
 
 @compiled
 def play_part(discs, before, surface, start, dt, limit, contacts, near, cluster):
-    """Play a step of `dt` seconds, or what is left of it, until the buffer of contacts is full.
+    """Simulate a step of `dt` seconds, or the rest of it, until the buffer of contacts is full.
 
     Args:
         discs, limit, contacts, near, cluster: see `advance`.
-        before: (n, 4), keeps positions and velocities from before the step.
+        before: (n, 4) buffer for positions and velocities before the step.
         surface: (1,) `SURFACE`.
-        start: s; negative for a new step.
+        start: s into the step at which to continue; negative for a new step.
 
     Returns:
-        (s that were played, contacts); contacts are -1 if a number is out of range, and nothing has moved then.
+        The time reached in the step, s, and the number of contacts. The latter is -1 if a number is out of range; then
+        nothing has moved.
     """
     n = discs.position.shape[0]
     if start < 0.0:
@@ -90,50 +72,53 @@ def play_part(discs, before, surface, start, dt, limit, contacts, near, cluster)
     outcome = advance(discs, surface[0], start, dt, limit, contacts, True, near, cluster)
     if outcome.contacts < contacts.shape[0] and not outcome.elapsed < dt:
         for a in range(n):
-            if discs.inverse_mass[a] == 0.0:  # those that gave way did so for this step only
+            if discs.inverse_mass[a] == 0.0:  # discs that gave way (see `relieve`) do so for this step only
                 discs.velocity[a, 0], discs.velocity[a, 1] = before[a, 2], before[a, 3]
     return outcome.elapsed, outcome.contacts
 
 
 _play_parts: dict[bool, Callable[..., tuple[float, int]]] = {}
-"""The machine code of `play_part` without and with pairs that are near, once it is needed."""
+"""The machine code of `play_part`, keyed by whether there is no broad phase; compiled when first needed."""
 
 
 class AirTable:
-    """Any number of pucks on an air table: no friction, exact kisses.
+    """A frictionless air table with any number of discs, simulated with exact contact times.
 
     The table is centred on the origin with x along its length. Velocities are constant between contacts.
 
-    Contacts at the very same instant are resolved one after the other, by the number of the disc: a fixed order, so
-    that runs repeat to the bit, but neither a symmetric one nor the same for other numbers. One puck onto two that
-    touch (the second example) sends the one with the lower number off faster. Real pucks would meet both at once, by
-    a law of their material that restitution alone does not give.
+    Simultaneous contacts are resolved one after the other, in the order of the disc numbers. This makes runs
+    reproducible to the bit, but the result depends on the numbering and need not be symmetric: when a puck hits two
+    touching pucks at once (the second example), the one with the lower number leaves faster. Real pucks would collide
+    with both at the same time, in a way that depends on their material and not on restitution alone.
 
-    Where a restitution is below 1, packed pucks have ever more contacts in ever less time. On tables with 12 discs or
-    more, such a cluster is settled at once, as one inelastic contact of all discs less than a hundredth of their radii
-    apart: to the velocities nearest to the present ones with which none of them approach. Momentum and angular momentum
-    are kept, and the energy never grows. See `airhockey_env.engine.cluster`.
+    With a restitution below 1, pucks that are packed together have ever more contacts in ever less time (inelastic
+    collapse). On tables with 12 discs or more, such a cluster is resolved in a single step, as one inelastic contact of
+    all discs that are less than a hundredth of their radii apart: they get the velocities closest to their present ones
+    for which no two of them approach. This conserves momentum and angular momentum and never increases the energy. See
+    `airhockey_env.engine.cluster`.
 
     Args:
-        positions: (N, 2) centres of the discs, m, up to 1e50 from the axes. Neither overlapping each other nor
-            reaching over a wall.
-        velocities: (N, 2) m/s, up to 1e50 along each axis.
-        radii: scalar or (N,), m, from 1e-50 to 1e50, or 0 for a disc of infinite mass: a post.
-        masses: scalar or (N,), kg, from 1e-50 to 1e50, or `inf`. A disc of mass `inf` is immovable, or driven from
-            outside: it keeps its velocity, passes through walls and other such discs, and gives way (stops for the
-            rest of the step) only where it squeezes a puck.
-        restitution: of disc on disc, 0 to 1.
-        wall_restitution: of disc on wall, 0 to 1.
-        size: (length, width) of the table, m, greater than 0 and up to 1e50; or None for no walls.
-        method: how a step finds and resolves contacts. `"continuous"`: exact, earliest kiss first, at any speed and
-            any step. `"kiss"`: discs that overlap at the end of the step are taken back to their kiss point.
-            `"overlap"`: the normal is taken from the overlapping positions, as is often done. See the README.
+        positions: (N, 2) centres of the discs, m, each coordinate at most 1e50 in size. Discs must not overlap each
+            other or extend beyond a wall.
+        velocities: (N, 2) m/s, each component at most 1e50 in size.
+        radii: scalar or (N,), m, from 1e-50 to 1e50. A disc of infinite mass may have radius 0 (a post).
+        masses: scalar or (N,), kg, from 1e-50 to 1e50, or `inf`. A disc of mass `inf` is immovable or driven by the
+            caller: it keeps its velocity, passes through walls and other such discs, and only gives way (stops for the
+            rest of the step) when it squeezes a puck.
+        restitution: restitution between discs, 0 to 1.
+        wall_restitution: restitution between disc and wall, 0 to 1.
+        size: (length, width) of the table, m, greater than 0 and up to 1e50; None for no walls.
+        method: how a step detects and resolves contacts. `"continuous"` resolves contacts exactly, in order of time, at
+            any speed and for any step. `"kiss"` moves discs that overlap at the end of the step back to where they
+            first touched. `"overlap"` takes the normal from the overlapping positions, as many simulations do.
+            docs/kiss_study.md compares them.
 
     Attributes:
         time: s since construction.
 
     Raises:
-        ValueError: an argument is of the wrong shape or range, or discs overlap. The message names the argument.
+        ValueError: an argument has the wrong shape or is out of range, or discs overlap. The message names the
+            argument.
 
     Example:
         >>> table = AirTable([[-0.5, 0.0], [0.0, 0.03]], [[2.0, 0.0], [0.0, 0.0]], radii=0.05)
@@ -158,40 +143,26 @@ class AirTable:
         size: tuple[float, float] | None = (2.0, 1.0),
         method: str = "continuous",
     ) -> None:
-        if not isinstance(method, str) or method not in METHODS:
-            raise ValueError(f"method must be one of {METHODS}, got {shown(method)}")
         try:
             n = len(positions)  # type: ignore[arg-type]
         except TypeError as error:
-            raise ValueError(f"positions must be an (N, 2) array, got {shown(positions)}") from error
+            raise fault("positions", "an (N, 2) array in m", positions) from error
         if n == 0:
             raise ValueError("positions must hold at least one disc, got none")
-        self.method = method
+        self.method = check_choice("method", method, METHODS)
         self.time = 0.0
-        self._positions = _array("positions", positions, (n, 2), "an (N, 2) array in m")
-        self._velocities = _array("velocities", velocities, (n, 2), "an (N, 2) array in m/s, N as in positions")
+        self._positions = check_array("positions", positions, (n, 2), "an (N, 2) array in m")
+        self._velocities = check_array("velocities", velocities, (n, 2), "an (N, 2) array in m/s, N as in positions")
         self._check_motion()
-        self._radii = _array("radii", radii, (n,), "a number or an (N,) array in m")
-        self._masses = _array("masses", masses, (n,), "a number or an (N,) array in kg")
-        if not (self._masses > 0.0).all():
-            raise ValueError(f"masses must be greater than 0 (inf is allowed), got {self._masses.min()}")
-        finite = self._masses[np.isfinite(self._masses)]
-        if not ((finite >= 1.0 / GREATEST) & (finite <= GREATEST)).all():
-            bad = finite[(finite < 1.0 / GREATEST) | (finite > GREATEST)][0]
-            raise ValueError(f"masses must be from {1.0 / GREATEST} to {GREATEST}, or inf; got {bad}")
-        post = (self._radii == 0.0) & np.isinf(self._masses)
-        good = ((self._radii > 0.0) & np.isfinite(self._radii)) | post
-        if not good.all():
-            raise ValueError(
-                f"radii must be finite and greater than 0 (0 for a disc of infinite mass), got {self._radii[~good][0]}"
-            )
-        sizes = self._radii[~post]
-        if not ((sizes >= 1.0 / GREATEST) & (sizes <= GREATEST)).all():
-            bad = sizes[(sizes < 1.0 / GREATEST) | (sizes > GREATEST)][0]
-            raise ValueError(f"radii must be from {1.0 / GREATEST} to {GREATEST}, got {bad}")
+        self._radii = check_array("radii", radii, (n,), "a number or an (N,) array in m")
+        self._masses = check_array("masses", masses, (n,), "a number or an (N,) array in kg")
+        posts = (self._radii == 0.0) & np.isinf(self._masses)
+        driven = self._masses == math.inf
+        _check_all("masses", self._masses, _in_range(self._masses) | driven, f"{_RANGE} kg, or inf")
+        _check_all("radii", self._radii, _in_range(self._radii) | posts, f"{_RANGE} m, or 0 where the mass is inf")
         self._surface = records(1, SURFACE)
-        self._surface["disc_restitution"] = _share("restitution", restitution)
-        self._surface["wall_restitution"] = _share("wall_restitution", wall_restitution)
+        self._surface["disc_restitution"] = check_number("restitution", restitution, 0, 1)
+        self._surface["wall_restitution"] = check_number("wall_restitution", wall_restitution, 0, 1)
         self._surface["wall_tangential"] = 1.0
         self.size = self._check_size(size)
         half_length, half_width = (math.inf, math.inf) if self.size is None else (0.5 * s for s in self.size)
@@ -208,13 +179,13 @@ class AirTable:
 
     @property
     def positions(self) -> NDArray[np.float64]:
-        """(N, 2) centres, m. The live array; assigning places the discs anew, with the constructor's checks."""
+        """(N, 2) centres, m, as the live array. Assigning moves the discs, with the same checks as the constructor."""
         return self._positions
 
     @positions.setter
     def positions(self, value: ArrayLike) -> None:
         before = self._positions
-        self._positions = _array("positions", value, before.shape, "an (N, 2) array in m")
+        self._positions = check_array("positions", value, before.shape, "an (N, 2) array in m")
         try:
             self._check_motion()
             self._check_places()
@@ -224,13 +195,13 @@ class AirTable:
 
     @property
     def velocities(self) -> NDArray[np.float64]:
-        """(N, 2) m/s. The live array; change or assign it to drive discs."""
+        """(N, 2) m/s, as the live array. Modify or assign it to drive discs."""
         return self._velocities
 
     @velocities.setter
     def velocities(self, value: ArrayLike) -> None:
         before = self._velocities
-        self._velocities = _array("velocities", value, before.shape, "an (N, 2) array in m/s")
+        self._velocities = check_array("velocities", value, before.shape, "an (N, 2) array in m/s")
         try:
             self._check_motion()
         except ValueError:
@@ -239,45 +210,42 @@ class AirTable:
 
     @property
     def radii(self) -> NDArray[np.float64]:
-        """(N,) m; a copy."""
+        """(N,) radii, m; a copy."""
         return self._radii.copy()
 
     @property
     def masses(self) -> NDArray[np.float64]:
-        """(N,) kg; a copy."""
+        """(N,) masses, kg; a copy."""
         return self._masses.copy()
 
     @property
     def energy(self) -> float:
-        """Kinetic energy of the discs of finite mass, J."""
+        """Kinetic energy of all discs of finite mass, J."""
         finite = np.isfinite(self._masses)
         return float(0.5 * np.sum(self._masses[finite] * np.sum(self._velocities[finite] ** 2, axis=1)))
 
     def step(self, dt: float) -> NDArray[np.void]:
-        """Play `dt` seconds. Of several threads that call it, one plays at a time.
+        """Simulate `dt` seconds. Threads may share a table; calls are then executed one at a time.
 
-        Every contact of the step is collected, so memory grows with `dt`, up to 4,194,304 contacts: on a table whose
-        pucks lose nothing, play a long time in many steps.
+        All contacts of the step are returned, up to 4,194,304, so memory grows with `dt`. Simulate long times on a
+        lossless table in many steps.
 
         Args:
             dt: s, greater than 0.
 
         Returns:
-            A structured array, one row a contact, in the order of time: `time` (s into this step), `a`, `b` (numbers
+            A structured array with one row per contact, in order of time: `time` (s into this step), `a`, `b` (numbers
             of the discs, a < b; b is -1 for a wall), `x`, `y` (where they touch, m), `nx`, `ny` (unit normal from b
-            to a) and `impulse` (N s, along the normal on a, against it on b).
+            to a) and `impulse` (N s, on a along the normal, on b against it).
 
         Raises:
-            ValueError: `dt` is not a finite number greater than 0, or is so long that there would be more contacts or
-                a disc would travel more than 1e300 m; or a position or velocity was set to NaN or beyond 1e50. All is
-                as before the step then.
+            ValueError: `dt` is not a finite number greater than 0; it is so long that there would be too many contacts
+                or a disc would travel more than 1e300 m; or a position or velocity was set to NaN or beyond 1e50. The
+                table is left as it was before the step.
         """
-        seconds = as_float(dt)
-        if seconds is None or not 0.0 < seconds < math.inf:
-            raise ValueError(f"dt must be a finite number of seconds greater than 0, got {shown(dt)}")
-        if not math.isfinite(self.time + seconds):
-            raise ValueError(f"dt must leave the table's time finite, which is {self.time} s; got {shown(dt)}")
-        dt = seconds
+        dt = check_positive("dt", dt)
+        if not math.isfinite(self.time + dt):
+            raise fault("dt", f"so short that the table's time, which is {self.time} s, stays finite", dt)
         with self._threads.lock:
             contacts = self._step_continuous(dt) if self.method == "continuous" else self._step_discrete(dt)
             self.time += dt
@@ -307,7 +275,7 @@ class AirTable:
                     f"dt must be so short that a step has at most {MOST_CONTACTS} contacts; {dt} s have more: play "
                     "several steps"
                 )
-            buffer = records(min(2 * len(buffer), MOST_CONTACTS), CONTACT)  # full: go on where it paused
+            buffer = records(min(2 * len(buffer), MOST_CONTACTS), CONTACT)  # full: continue where it paused
             elapsed, count = play(discs, self._before, self._surface, elapsed, dt, limit, buffer, near, cluster)
             parts.append(_recorded(buffer, count))
             total += count
@@ -322,32 +290,24 @@ class AirTable:
             if count <= len(buffer):
                 contacts = _recorded(buffer, count)
                 return contacts[np.argsort(contacts["time"], kind="stable")]
-            buffer = records(count, CONTACT)  # too small: play the step again
+            buffer = records(count, CONTACT)  # too small: simulate the step again
             self._positions[:], self._velocities[:] = positions, velocities
 
     def _check_motion(self, dt: float = 0.0) -> None:
         for name, array in (("positions", self._positions), ("velocities", self._velocities)):
-            if not np.isfinite(array).all():
-                raise ValueError(f"{name} must be finite, got {array[~np.isfinite(array)][0]}")
-            beyond = np.abs(array) > GREATEST
-            if beyond.any():
-                raise ValueError(f"{name} must be from {-GREATEST} to {GREATEST}, got {array[beyond][0]}")
+            _check_all(name, array, np.abs(array) <= GREATEST, f"finite, from {-GREATEST} to {GREATEST}")
         fastest = float(np.abs(self._velocities).max())
         if not fastest * dt <= FARTHEST:
-            raise ValueError(f"dt must be so short that no disc travels more than {FARTHEST} m, got {dt} s")
+            raise fault("dt", f"so short that no disc travels more than {FARTHEST} m", dt)
 
     @staticmethod
     def _check_size(size: tuple[float, float] | None) -> tuple[float, float] | None:
         if size is None:
             return None
-        length, width = _array("size", size, (2,), "(length, width) in m, or None")
-        if any(as_float(number) is None for number in size):
-            raise ValueError(f"size must be (length, width) in m, or None; got {shown(size)}")
-        if not (0.0 < length < math.inf and 0.0 < width < math.inf):
-            raise ValueError(f"size must be two finite lengths greater than 0, or None; got ({length}, {width})")
-        if not max(length, width) <= GREATEST:
-            raise ValueError(f"size must be two lengths of at most {GREATEST}, or None; got ({length}, {width})")
-        return float(length), float(width)
+        lengths = check_pair("size", size, also="None")
+        _check_all("size", lengths, (lengths > 0.0) & (lengths <= GREATEST), f"greater than 0 and at most {GREATEST} m")
+        length, width = lengths.tolist()
+        return length, width
 
     def _check_places(self) -> None:
         movable = self._inverse_masses > 0.0

@@ -5,17 +5,9 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from numbers import Integral
 from typing import Any
 
-from airhockey_env.real_numbers import as_float, shown
-
-
-def _between(name: str, value: Any, low: float, high: float, other: str = "") -> float:
-    number = as_float(value)
-    if number is None or not low <= number <= high:
-        raise ValueError(f"{name} must be {other}a number from {low} to {high}, got {shown(value)}")
-    return number
+from airhockey_env.checks import check_number, check_whole, fault
 
 
 @dataclass(frozen=True)
@@ -54,25 +46,20 @@ class Camera:
 
     def __post_init__(self) -> None:
         if self.camera_hz is not None:
-            self._set("camera_hz", _between("camera_hz", self.camera_hz, 1, 1000, "None or "))
+            self._set("camera_hz", check_number("camera_hz", self.camera_hz, 1, 1000, also="None"))
         for name, most in (
             ("delay_ms", 1000),
+            ("jitter_ms", 1000),
             ("noise_mm", 100),
             ("opponent_noise_mm", 100),
             ("dropout", 1),
             ("occlusion_mm", 1000),
         ):
-            self._set(name, _between(name, getattr(self, name), 0, most))
-        jitter = _between("jitter_ms", self.jitter_ms, 0, 1000)
-        if jitter > self.delay_ms:
-            raise ValueError(f"jitter_ms must be a number from 0 to delay_ms, which is {self.delay_ms}, got {jitter!r}")
-        self._set("jitter_ms", jitter)
-        frames = self.velocity_frames
-        if frames is not None:
-            whole = isinstance(frames, Integral) and as_float(frames) is not None
-            if not whole or not 2 <= frames <= 64:
-                raise ValueError(f"velocity_frames must be None or a whole number from 2 to 64, got {shown(frames)}")
-            self._set("velocity_frames", int(frames))
+            self._set(name, check_number(name, getattr(self, name), 0, most))
+        if self.jitter_ms > self.delay_ms:
+            raise fault("jitter_ms", f"a number from 0 to delay_ms, which is {self.delay_ms}", self.jitter_ms)
+        if self.velocity_frames is not None:
+            self._set("velocity_frames", check_whole("velocity_frames", self.velocity_frames, 2, 64, also="None"))
 
     def _set(self, name: str, value: float) -> None:
         object.__setattr__(self, name, value)
@@ -97,7 +84,7 @@ def resolve_camera(camera: str | Camera | Mapping[str, Any]) -> Camera:
             if name not in Camera.__dataclass_fields__:
                 raise ValueError(f"camera must be a mapping of the fields of a Camera, got one with {name!r}")
         return Camera(**camera)
-    raise ValueError(f"camera must be one of {tuple(CAMERAS)}, a Camera or a mapping of its fields, got {camera!r}")
+    raise fault("camera", f"one of {tuple(CAMERAS)}, a Camera or a mapping of its fields", camera)
 
 
 ROBOT = Camera(

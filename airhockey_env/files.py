@@ -1,6 +1,7 @@
-"""Files written so that a crash or a full disk never leaves half of one, and read so that errors say what they are.
+"""Atomic writing of files, and safe reading of JSON and .npz files that may come from strangers.
 
-What is read may come from a stranger: nothing in it is run, and nothing is expanded before its size is known.
+A crash or a full disk never leaves a partly written file. Reading never runs code from a file and checks sizes before
+it unpacks anything.
 """
 
 from __future__ import annotations
@@ -16,14 +17,14 @@ from typing import Any
 from numpy.lib import format as npy
 
 _READERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
-"""Readers of the headers of arrays, by version; the later version is for records of very many fields."""
+"""Functions that read the header of an array, by format version; 2.0 is for structured arrays with many fields."""
 
 MOST_VALUES = 10**6
-"""In JSON."""
+"""Most values that a JSON file may have."""
 
 
 def replace(path: str | Path, write: Callable[[Path], object]) -> None:
-    """Let `write` make a file beside `path`, then put it in the place of `path` at once."""
+    """Write `path` atomically: let `write` create a temporary file beside it, then rename that to `path`."""
     path = Path(path)
     part = path.with_name(f".part-{path.name}")
     try:
@@ -34,14 +35,14 @@ def replace(path: str | Path, write: Callable[[Path], object]) -> None:
 
 
 def check_archive(archive: zipfile.ZipFile, most: int) -> None:
-    """Check what a zip file says of its members, before any of them is expanded.
+    """Check the directory of a zip file before any of its members is unpacked.
 
     Args:
         archive: the open file.
-        most: bytes that all of them may come to.
+        most: greatest total size of the unpacked members, bytes.
 
     Raises:
-        ValueError: they come to more, or two have the same name.
+        ValueError: the members are larger, or two have the same name.
     """
     members = archive.infolist()
     if len({member.filename for member in members}) < len(members):
@@ -52,14 +53,14 @@ def check_archive(archive: zipfile.ZipFile, most: int) -> None:
 
 
 def parse_json(text: str, constants: bool = False) -> Any:
-    """What JSON says.
+    """Parse JSON text.
 
     Args:
-        constants: NaN and Infinity, which Python writes and JSON does not have, will do.
+        constants: accept NaN and Infinity, which Python writes although JSON does not have them.
 
     Raises:
-        ValueError: it is no JSON, says something twice, is nested deeply, or has more than `MOST_VALUES` values: each
-            takes far more memory than its text.
+        ValueError: the text is not JSON, repeats a name within an object, is nested too deeply, or has more than
+            `MOST_VALUES` values (each of which takes far more memory than its text).
     """
     values = sum(map(text.count, ",[{"))
     if values > MOST_VALUES:
@@ -82,15 +83,21 @@ def _refuse(name: str) -> float:
 
 
 def read_arrays(path: str | Path, writer: str, needed: Sequence[str], most: int) -> dict[str, Any]:
-    """The arrays of an .npz file that `writer` wrote.
+    """Read the arrays of an .npz file.
 
     Args:
-        needed: names that must be among them.
-        most: bytes that they may come to all together.
+        path: the file.
+        writer: name of the function that writes such files, for error messages.
+        needed: names of arrays that the file must contain.
+        most: greatest total size of the arrays, bytes.
+
+    Returns:
+        The arrays by name.
 
     Raises:
         OSError: the file cannot be opened.
-        ValueError: it is of another kind, too large or damaged; the message says of the file what "it" is.
+        ValueError: it is another kind of file, too large or damaged. The message calls the file "it", so that callers
+            can put its name in front.
     """
     with Path(path).open("rb") as stream:
         if stream.read(2) != b"PK":  # all zip files begin so; what else NumPy can read is a single array or a pickle
@@ -105,7 +112,7 @@ def read_arrays(path: str | Path, writer: str, needed: Sequence[str], most: int)
                     for member in archive.infolist():
                         _check_array(archive, member)
                     return {name: _read_array(archive, f"{name}.npy") for name in names}
-        except Exception as error:  # whatever damage makes of it
+        except Exception as error:  # a damaged file may raise anything
             reason = f": {error}" if isinstance(error, ValueError) else ""
             raise ValueError(f"it is a damaged .npz file, or not one as {writer} writes it{reason}") from error
     found = ", ".join(map(repr, names[:4])) or "nothing"
@@ -113,7 +120,7 @@ def read_arrays(path: str | Path, writer: str, needed: Sequence[str], most: int)
 
 
 def _check_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> None:
-    """Whether a member is as long as the array that its header tells of. Objects, which are pickles, are refused."""
+    """Raise ValueError unless a member is as long as its header says. Arrays of objects (pickles) are refused."""
     with archive.open(member) as file:
         reader = _READERS.get(npy.read_magic(file))
         if reader is None:

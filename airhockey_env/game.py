@@ -28,7 +28,7 @@ from airhockey_env.drawing.pixels import CHANNELS, Pixels
 from airhockey_env.engine.records import CONTACT
 from airhockey_env.kernel.camera import CameraArrays, follow_rows, make_camera, show_rows, start_rows
 from airhockey_env.kernel.outputs import Outputs, make_outputs
-from airhockey_env.kernel.parameters import FIELDS, check_ranges, make_parameters, spec_of, with_specs
+from airhockey_env.kernel.parameters import make_parameters, spec_of, with_specs
 from airhockey_env.kernel.random_stream import stream_from_seed
 from airhockey_env.kernel.scripted import EXTERNAL
 from airhockey_env.kernel.state import (
@@ -48,7 +48,7 @@ from airhockey_env.opponents.players import Player, resolve_players
 from airhockey_env.opponents.pool import Pool
 from airhockey_env.reset_options import SERVERS, ResetOptions, check_reset_options
 from airhockey_env.saved_states import check_state, game_state, restore, save
-from airhockey_env.tables import TableSpec, resolve_table
+from airhockey_env.tables import FIELDS, TableSpec, check_randomize, resolve_table
 from airhockey_env.threads import Threads, one_at_a_time
 
 REWARDS = ("sparse", "shaped")
@@ -153,7 +153,7 @@ class Game:
         self.control_hz = check_number("control_hz", control_hz, *CONTROL_RATES)
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
         self._threads = Threads(None if num_threads is None else check_whole("num_threads", num_threads, 1))
-        self.ranges = check_ranges(self.spec, {} if randomize is None else randomize)
+        self.ranges = check_randomize(self.spec, {} if randomize is None else randomize)
         self.randomized = () if randomize is None else tuple(randomize)
         self.parameters = make_parameters(self.spec, self.control_hz)
         if self.randomized:
@@ -271,6 +271,14 @@ class Game:
         self._keep_observations()
         return self.as_observations(self.out.observation[seat])
 
+    def exact_observations(self, seat: int = LEFT) -> NDArray[np.float32]:
+        """A player's state observations as they would be without a camera, a fresh array: (N, 13)."""
+        if self.cameras[seat] is None:
+            return self.out.observation[seat].copy()
+        exact = make_outputs(self.num_tables, bool(self.randomized))
+        refresh_rows(self._all_rows, self.states, self.parameters, self.settings, exact)
+        return exact.observation[seat]
+
     def contacts(self) -> NDArray[np.void]:
         """The contacts of the last step, a copy: (N, CONTACT_ROWS) records of `CONTACT`.
 
@@ -328,7 +336,7 @@ class Game:
             if moved[seat]:
                 pool.refresh(rows)
         self.seeded = True
-        self._note_begun()
+        self.begun = bool(self.states["side"].all())  # a state may be of before the first episode
         self._refresh(rows)
         out = self.out  # nothing has happened yet in this state
         out.n_contacts[rows], out.point[rows], out.foul[rows], out.success[rows] = 0, 0, False, False
@@ -369,7 +377,7 @@ class Game:
         for seat, cameras in zip(SEATS, self.cameras, strict=True):
             if cameras is not None:
                 start_rows(rows, seat, self.parameters, cameras, self.out)
-        self._note_begun()
+        self.begun = self.begun or bool(self.states["side"].all())  # a puck that was served is on a side
 
     def check_actions(self, seat: int, given: Any) -> NDArray[np.float32]:
         """A player's actions as float32 target velocities (N, 2); nobody reads those of a seat of others.
@@ -472,6 +480,7 @@ class Game:
         self.cameras = self._make_cameras(camera)
         self.states["side"] = 0
         self.begun = self.seeded = False
+        self._keep_observations()
 
     # How it is done ---------------------------------------------------------------------------------------------
 
@@ -489,10 +498,11 @@ class Game:
         return made[LEFT], made[RIGHT]
 
     def _keep_observations(self) -> None:
-        """Keep the observations of those seats whose players look at them, and of no others."""
+        """Keep the observations of those seats whose players, or cameras, look at them, and of no others."""
         observed = self.pools[LEFT].observes, self.pools[RIGHT].observes
         before, self._observed = self._observed, observed
-        self.settings["observed"] = observed
+        # A camera looks on whoever plays, so that a policy that comes into the pool sees what it has seen.
+        self.settings["observed"] = [observed[seat] or self.cameras[seat] is not None for seat in SEATS]
         if observed[LEFT] > before[LEFT] or observed[RIGHT] > before[RIGHT]:
             self._refresh(self._all_rows)
 
@@ -514,10 +524,6 @@ class Game:
         for seat, cameras in zip(SEATS, self.cameras, strict=True):
             if cameras is not None:
                 show_rows(rows, seat, cameras, self.out)
-
-    def _note_begun(self) -> None:
-        """Whether every table has begun an episode: a puck that was served is on a side."""
-        self.begun = self.begun or bool(self.states["side"].all())
 
 
 def _choice(name: str, given: Any, allowed: tuple[str, ...]) -> str:

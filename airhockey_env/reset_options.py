@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from airhockey_env.checks import check_pair
+from airhockey_env.checks import check_choice, check_pair, fault
 from airhockey_env.engine.tolerances import OVERLAP
 from airhockey_env.kernel.state import HOME
 from airhockey_env.kernel.tasks import right_start
@@ -50,13 +50,11 @@ def check_reset_options(
     """
     options = {} if options is None else options
     if not isinstance(options, Mapping):
-        raise ValueError(f"options must be a mapping or None, got {options!r}")
+        raise fault("options", "a mapping or None", options)
     for name in options:
         if name not in ResetOptions._fields:
-            raise ValueError(f"options may hold {ResetOptions._fields}, got {name!r}")
-    serve = options.get("serve", "random")
-    if not isinstance(serve, str) or serve not in SERVERS:
-        raise ValueError(f"options['serve'] must be one of {sorted(SERVERS)}, got {serve!r}")
+            raise fault("options", f"a mapping whose keys are among {ResetOptions._fields}", name)
+    serve = check_choice("options['serve']", options.get("serve", "random"), SERVERS)
     place, velocity = options.get("puck_position"), options.get("puck_velocity")
     if place is not None:
         place = check_pair("options['puck_position']", place)

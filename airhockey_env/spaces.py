@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from gymnasium import spaces
 
+from airhockey_env.actions import DIRECTIONS
 from airhockey_env.drawing.pixels import CHANNELS, SIZE
 from airhockey_env.kernel.state import OBSERVATION_SIZE
-
-DIRECTIONS = np.array(
-    [[0, 0], [1, 0], [math.sqrt(0.5), math.sqrt(0.5)], [0, 1], [-math.sqrt(0.5), math.sqrt(0.5)],
-     [-1, 0], [-math.sqrt(0.5), -math.sqrt(0.5)], [0, -1], [math.sqrt(0.5), -math.sqrt(0.5)]],
-    dtype=np.float32,
-)  # fmt: skip
-"""The nine discrete actions: stay, then eight directions at full speed, counter-clockwise from straight ahead."""
 
 
 def observation_space(obs_type: str = "state") -> spaces.Box:

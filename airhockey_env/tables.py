@@ -1,82 +1,80 @@
-"""Tables to play on: sizes, masses and physics as frozen, validated data with their sources."""
+"""Table presets: sizes, masses and physical constants as frozen, validated data with their sources."""
 
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from airhockey_env.real_numbers import as_float, shown
+import numpy as np
+from numpy.typing import NDArray
+
+from airhockey_env.checks import check_number, check_pair, fault
 
 LEAST, MOST = 1e-6, 1e6
-"""Range of sizes, masses, speeds and accelerations in SI units; of losses `MOST` is the greatest. Far beyond any table,
-and nothing that is worked out from such numbers is too great or too small for a float."""
+"""Range of sizes, masses, speeds and accelerations in SI units. It reaches far beyond any table, and nothing that is
+worked out from such numbers is too large or too small for a float."""
+RANGES = {
+    "wall_restitution": (0, 1),
+    "wall_tangential": (0, 1),
+    "paddle_restitution": (0, 1),
+    "drag_constant": (0, MOST),
+    "drag_linear": (0, MOST),
+    "drag_quadratic": (0, MOST),
+}
+"""Smallest and largest values of the fields of a `TableSpec` that have another range."""
 
 
 @dataclass(frozen=True)
 class TableSpec:
-    """Everything that is fixed about a table. SI units: m, s, kg.
+    """The size and the physics of a table, in SI units: m, s, kg.
 
     The table is centred on the origin with x along its length; the left player's goal is at -x.
     Derive a variant with `dataclasses.replace(FULL_SIZE, puck_mass=0.02)`.
 
     Raises:
-        ValueError: a field is not a finite number, is out of range, or does not fit the others. The message
+        ValueError: a field is not a finite number, is out of range, or is inconsistent with the others. The message
             names the field, what was given and what is allowed.
     """
 
     length: float
-    """Playing surface along x, m."""
+    """Length of the playing surface, along x, m."""
     width: float
-    """Playing surface along y, m."""
+    """Width of the playing surface, along y, m."""
     goal_width: float
-    """Opening between the two posts of a goal, m; wider than the puck."""
+    """Distance between the two posts of a goal, m; larger than the diameter of the puck."""
     puck_radius: float
-    """m."""
+    """Radius of the puck, m."""
     puck_mass: float
-    """kg. Paddles are driven from outside (infinitely heavy), so this only scales reported impulses."""
+    """Mass of the puck, kg. Paddles are infinitely heavy, so this only scales the reported impulses."""
     paddle_radius: float
-    """m."""
+    """Radius of both paddles, m."""
     wall_restitution: float
-    """Share of the normal speed that a puck keeps at a wall or post, 0 to 1."""
+    """Share of its normal speed that the puck keeps when it hits a wall or post, 0 to 1."""
     wall_tangential: float
-    """Share of the tangential speed that a puck keeps at a wall or post, 0 to 1."""
+    """Share of its tangential speed that the puck keeps when it hits a wall or post, 0 to 1."""
     paddle_restitution: float
-    """Restitution of puck on paddle, 0 to 1."""
+    """Restitution between puck and paddle, 0 to 1."""
     drag_constant: float
-    """Glide deceleration a of a + c*v + b*v**2, m/s**2."""
+    """Coefficient a of the glide deceleration a + c*v + b*v**2, m/s**2."""
     drag_linear: float
-    """Glide deceleration c of a + c*v + b*v**2, 1/s."""
+    """Coefficient c of the glide deceleration a + c*v + b*v**2, 1/s."""
     drag_quadratic: float
-    """Glide deceleration b of a + c*v + b*v**2, 1/m."""
+    """Coefficient b of the glide deceleration a + c*v + b*v**2, 1/m."""
     paddle_speed: float = 5.0
-    """Greatest speed of a paddle, m/s. With a restitution of 0.8 a still puck leaves a full-speed paddle at
-    9 m/s; shots by people peak near 9.7 m/s."""
+    """Greatest speed of a paddle, m/s. With a restitution of 0.8, a resting puck leaves a full-speed paddle at 9 m/s;
+    human shots peak near 9.7 m/s."""
     paddle_acceleration: float = 30.0
-    """Greatest change of a paddle's velocity, m/s**2."""
+    """Greatest acceleration of a paddle, m/s**2."""
     puck_speed: float = 12.0
-    """Greatest speed of the puck at the end of a control step, m/s: faster pucks are slowed to it, so that
-    observations stay in range. More than a paddle's greatest speed."""
+    """Greatest speed of the puck at the end of a control step, m/s. A faster puck is slowed down to it, so that
+    observations stay in range. Must be greater than `paddle_speed`."""
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
-            object.__setattr__(self, field.name, _finite(field.name, getattr(self, field.name)))
-        for name in ("length", "width", "goal_width", "puck_radius", "puck_mass", "paddle_radius",
-                     "paddle_speed", "paddle_acceleration", "puck_speed"):  # fmt: skip
-            if getattr(self, name) <= 0.0:
-                raise ValueError(f"{name} must be greater than 0, got {getattr(self, name)}")
-            if not LEAST <= getattr(self, name) <= MOST:
-                raise ValueError(f"{name} must be from {LEAST} to {MOST}, got {getattr(self, name)}")
-        for name in ("wall_restitution", "wall_tangential", "paddle_restitution"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise ValueError(f"{name} must be from 0 to 1, got {getattr(self, name)}")
-        for name in ("drag_constant", "drag_linear", "drag_quadratic"):
-            if getattr(self, name) < 0.0:
-                raise ValueError(f"{name} must be 0 or more, got {getattr(self, name)}")
-            if getattr(self, name) > MOST:
-                raise ValueError(f"{name} must be at most {MOST}, got {getattr(self, name)}")
+            low, high = RANGES.get(field.name, (LEAST, MOST))
+            object.__setattr__(self, field.name, check_number(field.name, getattr(self, field.name), low, high))
         if not 2.0 * self.puck_radius < self.goal_width:
             raise ValueError(
                 f"goal_width must be greater than 2 * puck_radius ({2.0 * self.puck_radius}), got {self.goal_width}"
@@ -104,12 +102,8 @@ class TableSpec:
             raise ValueError(f"puck_speed must be greater than paddle_speed {self.paddle_speed}, got {self.puck_speed}")
 
 
-def _finite(name: str, value: Any) -> float:
-    number = as_float(value)
-    if number is None or not math.isfinite(number):
-        raise ValueError(f"{name} must be a finite number, got {shown(value)}")
-    return number
-
+FIELDS = tuple(field.name for field in dataclasses.fields(TableSpec))
+"""The fields of a `TableSpec`, in their order."""
 
 FULL_SIZE = TableSpec(
     length=2.362,
@@ -149,7 +143,7 @@ CHALLENGE = TableSpec(
 """The table of the Robot Air Hockey Challenge 2023.
 
 Sources: the challenge's MuJoCo model (damping 0.005 on a puck of 0.010 kg: a linear drag of about 0.5 /s); wall
-restitution 0.79 and 0.84 from its Kalman filter; paddle restitution as on `FULL_SIZE`.
+restitution 0.79 and 0.84 from its Kalman filter; paddle restitution as for `FULL_SIZE`.
 """
 
 IDEAL = dataclasses.replace(
@@ -161,18 +155,18 @@ IDEAL = dataclasses.replace(
     drag_linear=0.0,
     drag_quadratic=0.0,
 )
-"""`FULL_SIZE` without any loss: for physics lessons and for tests of the laws. No real table."""
+"""`FULL_SIZE` without any losses, for physics lessons and for tests of conservation laws. Not a real table."""
 
 PRESETS: dict[str, TableSpec] = {"full_size": FULL_SIZE, "challenge": CHALLENGE, "ideal": IDEAL}
 
 
 def resolve_table(table: str | TableSpec | Mapping[str, float]) -> TableSpec:
-    """Return the `TableSpec` that a `table` argument means: a preset's name, a spec, or a mapping of its fields.
+    """Return the `TableSpec` for a `table` argument: the name of a preset, a spec, or a mapping of its fields.
 
-    The mapping names all fields that have no default, as `dataclasses.asdict(FULL_SIZE)` does.
+    A mapping must have all fields that have no default, for example `dataclasses.asdict(FULL_SIZE)`.
 
     Raises:
-        ValueError: not one of these.
+        ValueError: `table` is none of these, or a field of the mapping is invalid.
     """
     if isinstance(table, TableSpec):
         return table
@@ -187,6 +181,37 @@ def resolve_table(table: str | TableSpec | Mapping[str, float]) -> TableSpec:
         if wrong:
             raise ValueError(f"table must be a mapping of the fields of a TableSpec, got one in which {wrong[0]}")
         return TableSpec(**table)
-    raise ValueError(
-        f"table must be one of {sorted(PRESETS)}, a TableSpec or a mapping of its fields, got {shown(table)}"
-    )
+    raise fault("table", f"one of {sorted(PRESETS)}, a TableSpec or a mapping of its fields", table)
+
+
+def check_randomize(spec: TableSpec, randomize: Mapping[str, Any]) -> NDArray[np.float64]:
+    """What `randomize` means, as (len(FIELDS), 2) smallest and largest values.
+
+    Args:
+        spec: the table whose values the fields that are not named keep.
+        randomize: from names of fields to (low, high).
+
+    Raises:
+        ValueError: a field is unknown, a range is not two finite numbers in order, or some values from the ranges do
+            not make a table. The message names the field.
+    """
+    if not isinstance(randomize, Mapping):
+        raise fault("randomize", "a mapping from TableSpec fields to (low, high)", randomize)
+    ranges = np.repeat(np.array(dataclasses.astuple(spec))[:, np.newaxis], 2, axis=1)
+    for name, given in randomize.items():
+        if name not in FIELDS:
+            raise fault("randomize", f"a mapping whose keys are among {FIELDS}", name)
+        low, high = check_pair(f"randomize[{name!r}]", given)
+        if low > high:
+            raise fault(f"randomize[{name!r}]", "(low, high) with low <= high", given)
+        ranges[FIELDS.index(name)] = low, high
+    lowest, highest = (dict(zip(FIELDS, ranges[:, side].tolist(), strict=True)) for side in (0, 1))
+    # The fields bind each other in one direction each: if the tightest tables are tables, all are.
+    tightest = {name: lowest[name] for name in ("length", "width", "puck_speed")}
+    tightest.update({name: highest[name] for name in ("puck_radius", "paddle_radius", "paddle_speed")})
+    for table in (lowest, highest, {**lowest, **tightest}, {**highest, **tightest}):
+        try:
+            TableSpec(**table)
+        except ValueError as error:
+            raise ValueError(f"randomize must allow only tables that can be, got ranges in which {error}") from error
+    return ranges

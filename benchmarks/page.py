@@ -1,4 +1,4 @@
-"""The tables of the study, written into its page between marks that the page has for them."""
+"""Write measured tables into a Markdown page, between markers in the page."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ Rows = list[tuple[str, ...]]
 
 
 def markdown(rows: Rows) -> str:
-    """A table; its first row is the head."""
+    """Format a table in Markdown; the first row is the head."""
     head, *body = rows
     lines = [head, tuple("---" for _ in head), *body]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
 
 
 def write(path: Path, text: str) -> None:
-    """Write a page, at once or not at all."""
+    """Write a page atomically."""
     replace(path, lambda part: part.write_text(text, encoding="utf-8"))
 
 
 def insert(page: str, part: str, rows: Rows) -> str:
-    """The page with the table of a part in its place.
+    """Return the page with the table of a part replaced.
 
     Raises:
-        ValueError: the page does not have exactly one place for it.
+        ValueError: the page does not have the markers of this part exactly once.
     """
     start, end, pattern = _place(part)
     check(page, part)
@@ -34,13 +34,13 @@ def insert(page: str, part: str, rows: Rows) -> str:
 
 
 def check(page: str, part: str) -> None:
-    """Raises ValueError unless the page has exactly one place for the table of a part."""
+    """Raise ValueError unless the page has the markers of a part exactly once."""
     start, end, pattern = _place(part)
     if len(pattern.findall(page)) != 1:
         raise ValueError(f"the page must have one place for the table of {part!r}, between {start!r} and {end!r}")
 
 
 def _place(part: str) -> tuple[str, str, re.Pattern[str]]:
-    """The marks of a part's table, and what finds them with all that is between."""
+    """The start and end markers of a part, and a pattern that matches them and everything in between."""
     start, end = f"<!-- table {part} -->\n", f"<!-- end of table {part} -->\n"
     return start, end, re.compile(re.escape(start) + ".*?" + re.escape(end), re.DOTALL)

@@ -11,7 +11,7 @@ MARKERS = {"overlap": "s", "kiss": "o", "continuous": "^"}
 
 
 def check_matplotlib(what: str) -> None:
-    """Raises DependencyNotInstalled if `what`, as its message begins, cannot be drawn."""
+    """Raise DependencyNotInstalled if matplotlib is missing; `what` is the beginning of the message."""
     try:
         import matplotlib  # noqa: F401
     except ImportError as error:

@@ -15,9 +15,8 @@ import numpy as np
 from rich.progress import track
 
 import airhockey_env
-from agents.counts import Count
 from agents.files import write_json
-from agents.options import check_output, check_ranges
+from agents.options import Count, JsonFile, PlotFile, check_output, check_ranges
 from agents.tables import print_table
 from benchmarks import page
 from benchmarks.speed import batch, c_flags, options, pucks, single, start, training
@@ -38,22 +37,23 @@ PARTS: dict[str, ModuleType] = {
 
 @dataclass(frozen=True)
 class BenchmarkArgs:
-    """Measure how fast everything is, beside what else there is. What is compared takes turns; medians are printed."""
+    """Measure how fast everything is, and compare it with other environments and engines.
+
+    Measurements that are compared take turns, in interleaved rounds. The results are medians over the rounds.
+    """
 
     rounds: Count = 5
-    """Rounds of every measurement."""
+    """Repeat every measurement in this many rounds."""
     seconds: float = 0.2
-    """Approximate length of one measurement."""
+    """Let one measurement take about this many seconds."""
     only: Literal["batch", "c_flags", "single", "options", "pucks", "start", "training"] | None = None
-    """One part alone."""
+    """Measure only this part."""
     quick: bool = False
-    """One short round of what is small, to see that it works."""
-    json: Path | None = None
-    """Write the results to this file too."""
-    plot: Path | None = None
-    """Draw batches and pucks into this PNG."""
+    """Measure small cases in one short round, to see that everything works."""
+    json: JsonFile = None
+    plot: PlotFile = None
     page: Path | None = None
-    """Write the tables into this page, between the marks that it has for them (see docs/benchmark.md)."""
+    """Also write the tables into this page, between its marks for them, as docs/benchmark.md has them."""
 
     @property
     def parts(self) -> list[str]:

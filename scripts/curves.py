@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from agents.options import check_output
+from agents.options import PlotFile, check_output
 from agents.training.curves import draw_curves, print_curves, read_runs
 from scripts._command import run_command
 
@@ -18,9 +17,8 @@ class CurvesArgs:
     """Print and draw the learning curves of training runs."""
 
     runs: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN [RUN ...]")]
-    """The runs' folders, or their names under runs/."""
-    plot: Path | None = None
-    """Draw them into this .png file."""
+    """Show the curves of these runs, each given by its folder or its name under runs/."""
+    plot: PlotFile = None
 
 
 def curves(args: CurvesArgs) -> None:

@@ -1,42 +1,55 @@
-"""Let a model play against others, or a task: python -m scripts.evaluate MODEL --opponent NAME"""
+"""Measure how well a player does: python -m scripts.evaluate MODEL --opponent NAME"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from agents.counts import Count
 from agents.files import write_json
 from agents.measuring.evaluation import OPPONENTS, SOLO_TASKS, play_points, play_task
-from agents.models import PLAYER_HELP, TRUST_HELP, load_player, short_name
-from agents.options import TABLE_HELP, check_output, check_ranges, check_table
+from agents.models import load_player, short_name
+from agents.options import (
+    PLAYER_HELP,
+    Count,
+    JsonFile,
+    TableName,
+    Trust,
+    check_output,
+    check_ranges,
+    check_table,
+    listed,
+)
 from agents.training.report import print_results, print_task_result
+from airhockey_env.checks import check_choice
 from scripts._command import run_command
 
-TASK_HELP = f"What is played: point, or {' or '.join(SOLO_TASKS)}, which have no opponent."
+TASKS = ("point", *SOLO_TASKS)
+TASK_HELP = f"Play this task: {listed(TASKS)}. There is no opponent in {listed(SOLO_TASKS, 'and')}."
+MODEL_HELP = f"Evaluate this player. {PLAYER_HELP}"
 
 
 @dataclass(frozen=True)
 class EvaluateArgs:
-    """Let a model play points against others, half of them on each side of the table; or a task."""
+    """Measure how well a player does against others, or in a task that has no opponent.
 
-    model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL", help=f"Who plays: {PLAYER_HELP}")]
+    It plays half of the points on each side of the table.
+    """
+
+    model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL", help=MODEL_HELP)]
     task: Annotated[str, tyro.conf.arg(help=TASK_HELP)] = "point"
     opponent: str = "all"
-    """A player as above, or "all" for every named opponent."""
+    """Play against this player, or with "all" against each of the named players."""
     episodes: Count = 2000
-    """Points against each opponent, or episodes of the task."""
+    """Play this many points against each opponent, or this many episodes of the task."""
     opponent_skill: float = 1.0
-    """Share of its paddle's speed that a scripted opponent uses, 0 to 1."""
-    table: Annotated[str, tyro.conf.arg(help=TABLE_HELP)] = "full_size"
+    """Limit scripted opponents to this share of their paddle's top speed, from 0 to 1."""
+    table: TableName = "full_size"
     seed: int = 0
-    """Seed of the serves."""
-    trust: Annotated[bool, tyro.conf.arg(help=TRUST_HELP)] = False
-    json: Path | None = None
-    """Write the results to this file too."""
+    """Draw the serves from this seed."""
+    trust: Trust = False
+    json: JsonFile = None
 
 
 def evaluate(args: EvaluateArgs) -> None:
@@ -48,8 +61,7 @@ def evaluate(args: EvaluateArgs) -> None:
     check_ranges(args, episodes=(1, 10**8), opponent_skill=(0, 1), seed=(0, 10**9))
     check_output("json", args.json)
     check_table(args.table)
-    if args.task not in ("point", *SOLO_TASKS):
-        raise ValueError(f"--task must be one of {('point', *SOLO_TASKS)}, got {args.task!r}")
+    check_choice("--task", args.task, TASKS)
     if args.task != "point" and (args.opponent != "all" or args.opponent_skill != 1.0):
         raise ValueError(f"--opponent and --opponent-skill do not go with --task {args.task}, which has no opponent")
     player = load_player(args.model, trust=args.trust)

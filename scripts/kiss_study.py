@@ -12,7 +12,7 @@ import numpy as np
 
 import airhockey_env
 from agents.files import write_json
-from agents.options import check_output, make_folder
+from agents.options import JsonFile, check_output, make_folder
 from benchmarks import page
 from benchmarks.kiss import engines, error, phases, picture, reversal
 from benchmarks.style import check_matplotlib
@@ -31,16 +31,15 @@ PAGE = "kiss_study.md"
 
 @dataclass(frozen=True)
 class KissStudyArgs:
-    """Draw the figures of the kiss study and write its numbers and tables, into docs/ or another folder."""
+    """Measure what exact contacts are worth, draw the figures of the study and write its tables."""
 
     out: Path = ROOT / "docs"
-    """Folder to write into; a new one is made. Without a page of the study in it, it gets a copy of docs/'s."""
+    """Write the figures into this folder, which is made if needed, and the tables into its copy of the page."""
     quick: bool = False
-    """Few points and short runs, to see that it works."""
+    """Measure few points in short runs, to see that everything works."""
     only: Literal["picture", "error", "phases", "reversal", "engines"] | None = None
-    """One part alone; what was written of the others stays."""
-    json: Path | None = None
-    """Write the numbers to this file too."""
+    """Measure only this part. What was written about the others stays."""
+    json: JsonFile = None
 
 
 def kiss_study(args: KissStudyArgs) -> None:

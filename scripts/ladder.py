@@ -1,46 +1,51 @@
-"""Let everybody play everybody and rate them: python -m scripts.ladder [MODELS...]"""
+"""Rate players who have all played each other: python -m scripts.ladder [MODELS...]"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from agents.counts import Count
 from agents.files import write_json
 from agents.measuring.ladder import ANCHOR, ANCHOR_RATING, PRIOR, find_players, play_ladder, rate
 from agents.measuring.ladder_report import draw_ladder, print_ladder
-from agents.models import PLAYER_HELP, TRUST_HELP
-from agents.options import TABLE_HELP, check_output, check_ranges, check_table
+from agents.options import (
+    PLAYER_HELP,
+    Count,
+    JsonFile,
+    PlotFile,
+    TableName,
+    Trust,
+    check_output,
+    check_ranges,
+    check_table,
+)
 from scripts._command import run_command
 
-PLAYERS_HELP = f"Who plays besides the named opponents or, with --only, without them: {PLAYER_HELP}"
+PLAYERS_HELP = f"Rate these players as well as the named ones. {PLAYER_HELP}"
 
 
 @dataclass(frozen=True)
 class LadderArgs:
-    """Every named opponent, and the models given, play everybody else, half of the points on each side of the table.
+    """Rate players: each pair plays points, half of them on each side of the table.
 
-    The results become ratings with 95 % intervals. Ctrl-C rates what has been played.
+    The ratings come with 95 % intervals. Ctrl-C ends the play early and rates what has been played.
     """
 
     players: Annotated[
         tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="[MODEL ...]", help=PLAYERS_HELP)
     ] = ()
     only: bool = False
-    """Leave out the named opponents that are not given."""
+    """Rate only the players that are given, and not all of the named ones."""
     points: Count = 2000
-    """Points that each pair plays."""
-    table: Annotated[str, tyro.conf.arg(help=TABLE_HELP)] = "full_size"
+    """Let each pair play this many points."""
+    table: TableName = "full_size"
     seed: int = 0
-    """Seed of the serves."""
-    trust: Annotated[bool, tyro.conf.arg(help=TRUST_HELP)] = False
-    json: Path | None = None
-    """Write ratings and matches to this file too."""
-    plot: Path | None = None
-    """Draw the ladder to this file, .png."""
+    """Draw the serves from this seed."""
+    trust: Trust = False
+    json: JsonFile = None
+    plot: PlotFile = None
 
 
 def ladder(args: LadderArgs) -> None:

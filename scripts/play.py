@@ -7,11 +7,11 @@ from typing import Annotated
 
 import tyro
 
-from agents.counts import Count
 from agents.human.screen import MatchWindow
-from agents.models import PLAYER_HELP, TRUST_HELP, in_one_game, join, load_player, short_name
-from agents.options import TABLE_HELP, check_ranges, check_table
-from airhockey_env.drawing.render import SMALLEST
+from agents.models import in_one_game, join, load_player, short_name
+from agents.options import PLAYER_HELP, Count, TableName, Trust, check_ranges, check_table
+from airhockey_env.checks import check_whole_pair
+from airhockey_env.drawing.render import LARGEST, SMALLEST
 from airhockey_env.drawing.window import import_pygame
 from airhockey_env.live import LiveMatch
 from scripts._command import run_command
@@ -19,21 +19,21 @@ from scripts._command import run_command
 
 @dataclass(frozen=True)
 class PlayArgs:
-    """Play a match with the mouse, on the left: R restarts, Esc leaves."""
+    """Play a match with the mouse. Your paddle is the left one; R restarts the match, and Esc closes the window."""
 
-    opponent: Annotated[str, tyro.conf.arg(help=f"Who plays against you: {PLAYER_HELP}")] = "striker"
+    opponent: Annotated[str, tyro.conf.arg(help=f"Play against this player. {PLAYER_HELP}")] = "striker"
     skill: float = 1.0
-    """Share of its paddle's speed that the opponent uses, 0 to 1."""
-    table: Annotated[str, tyro.conf.arg(help=TABLE_HELP)] = "full_size"
+    """Limit the opponent to this share of its paddle's top speed, from 0 to 1."""
+    table: TableName = "full_size"
     points: Count = 7
-    """Points that win the match."""
+    """Play until one side has this many points."""
     fps: int = 60
-    """Pictures for a second, 20 to 480."""
+    """Draw this many frames per second, from 20 to 480."""
     sound: bool = True
-    """Play sounds. Where there is no audio device, there are none."""
+    """Play sounds, if there is an audio device."""
     size: tuple[int, int] = (1280, 704)
-    """Width and height of the window, px."""
-    trust: Annotated[bool, tyro.conf.arg(help=TRUST_HELP)] = False
+    """Open a window of this width and height in pixels."""
+    trust: Trust = False
 
 
 def name_of(opponent: str) -> str:
@@ -50,8 +50,7 @@ def play(args: PlayArgs) -> None:
         gymnasium.error.DependencyNotInstalled: pygame-ce is missing.
     """
     check_ranges(args, skill=(0, 1), points=(1, 99), fps=(20, 480))
-    if not all(SMALLEST <= side <= 8192 for side in args.size):
-        raise ValueError(f"--size must be two whole numbers from {SMALLEST} to 8192, got {args.size}")
+    check_whole_pair("--size", args.size, SMALLEST, LARGEST)
     pygame = import_pygame()
     opponent = in_one_game(load_player(args.opponent, "--opponent", trust=args.trust))
     spec = check_table(args.table)

@@ -15,20 +15,16 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from agents.measuring.evaluation import SOLO_TASKS
-from agents.models import PLAYER_HELP, TRUST_HELP, load_player
-from agents.options import TABLE_HELP, check_ranges, check_table, not_default
+from agents.models import load_player
+from agents.options import PLAYER_HELP, TableName, Trust, check_ranges, check_table, listed, not_default
 from agents.video import SUFFIXES, frames_of_play, write_video
+from airhockey_env.checks import check_choice
 from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.replay import Replay, is_replay, play_back_frames
 from scripts._command import run_command
 
-TASK_HELP = (
-    f"What is played: {', '.join(task for task in TASKS if task not in SOLO_TASKS)}, or {' or '.join(SOLO_TASKS)}, "
-    "which have no opponent."
-)
-MODEL_HELP = (
-    f"The file of a replay, which has both players, the table and the seed in it; or the left player: {PLAYER_HELP}"
-)
+TASK_HELP = f"Film this task: {listed(TASKS)}. There is no opponent in {listed(SOLO_TASKS, 'and')}."
+MODEL_HELP = f"Film this player on the left, or the game that this file of a replay holds. {PLAYER_HELP}"
 
 
 @dataclass(frozen=True)
@@ -37,22 +33,22 @@ class RecordArgs:
 
     model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL", help=MODEL_HELP)]
     opponent: str | None = None
-    """The right player, named as the left one. By default the striker; a task without an opponent takes none."""
+    """Film this player on the right. The default is the striker, if the task has an opponent."""
     task: Annotated[str, tyro.conf.arg(help=TASK_HELP)] = "match"
     out: Path = Path("video.gif")
-    """File to write: .gif, or .mp4 (which needs the extra "video")."""
+    """Write the video to this file, whose name ends in .gif or .mp4. The latter needs the extra "video"."""
     seconds: float | None = None
-    """Seconds of play to film. Default: 20, or all of a replay."""
+    """Film this many seconds of play. The default is 20 seconds, or all of a replay."""
     fps: int = 25
-    """Pictures for a second, 1 to 50; of a replay at most one of every step."""
+    """Show this many frames in a second, from 1 to 50. A replay has at most one frame for each of its steps."""
     width: int = 640
-    """Width of the picture, px."""
+    """Make the frames this many pixels wide."""
     height: int = 344
-    """Height of the picture, px."""
-    table: Annotated[str, tyro.conf.arg(help=TABLE_HELP)] = "full_size"
+    """Make the frames this many pixels high."""
+    table: TableName = "full_size"
     seed: int = 0
-    """Seed of the serves."""
-    trust: Annotated[bool, tyro.conf.arg(help=TRUST_HELP)] = False
+    """Draw the serves from this seed."""
+    trust: Trust = False
 
 
 def record(args: RecordArgs) -> None:
@@ -67,8 +63,7 @@ def record(args: RecordArgs) -> None:
         raise FileNotFoundError(f"--out must lie in a folder that exists, got {args.out}")
     check_ranges(args, fps=(1, 50), seconds=(0.1, 3600), width=(32, 4096), height=(32, 4096), seed=(0, 10**9))
     check_table(args.table)
-    if args.task not in TASKS:
-        raise ValueError(f"--task must be one of {tuple(TASKS)}, got {args.task!r}")
+    check_choice("--task", args.task, TASKS)
     if args.task in SOLO_TASKS and args.opponent is not None:
         raise ValueError(f"--opponent does not go with --task {args.task}, which has no opponent")
     size = (args.width, args.height)

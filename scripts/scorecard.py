@@ -3,42 +3,51 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from agents.counts import Count
 from agents.files import write_json
 from agents.measuring.scorecard import measure
 from agents.measuring.scorecard_report import draw_card, print_card
-from agents.models import PLAYER_HELP, TRUST_HELP, load_player, short_name
-from agents.options import TABLE_HELP, check_output, check_ranges, check_table
+from agents.models import load_player, short_name
+from agents.options import (
+    PLAYER_HELP,
+    Count,
+    JsonFile,
+    PlotFile,
+    TableName,
+    Trust,
+    check_output,
+    check_ranges,
+    check_table,
+)
 from scripts._command import run_command
+
+MODEL_HELP = f"Measure this player. {PLAYER_HELP}"
 
 
 @dataclass(frozen=True)
 class ScorecardArgs:
-    """Measure a player's shots, saves, time on the attack, fouls, own goals and reaction; docs/scorecard.md says how.
+    """Measure a player's shots, saves, time on the attack, fouls, own goals and reaction time.
 
-    It plays points against an opponent, half of them on each side of the table, and the tasks hit and defend.
+    It plays points against an opponent, half of them on each side of the table, and episodes of the tasks hit and
+    defend. docs/scorecard.md defines the figures.
     """
 
-    model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL", help=f"Who plays: {PLAYER_HELP}")]
+    model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL", help=MODEL_HELP)]
     opponent: str = "striker"
-    """A player as above."""
+    """Play the points against this player."""
     points: Count = 2000
-    """Points played against the opponent."""
+    """Play this many points against the opponent."""
     episodes: Count = 4000
-    """Episodes of each task."""
-    table: Annotated[str, tyro.conf.arg(help=TABLE_HELP)] = "full_size"
+    """Play this many episodes of each task."""
+    table: TableName = "full_size"
     seed: int = 0
-    """Seed of the serves and of the tasks."""
-    trust: Annotated[bool, tyro.conf.arg(help=TRUST_HELP)] = False
-    json: Path | None = None
-    """Write the card to this file too."""
-    plot: Path | None = None
-    """Draw the card to this file, .png."""
+    """Draw the serves and the tasks from this seed."""
+    trust: Trust = False
+    json: JsonFile = None
+    plot: PlotFile = None
 
 
 def scorecard(args: ScorecardArgs) -> None:

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from agents.counts import Count, OptionalCount
-from agents.options import check_ranges
+from agents.options import Count, OptionalCount, check_ranges
 from scripts._command import run_command
 from tests.torture.cases import Case
 from tests.torture.hostile import play_hostile
@@ -23,25 +22,25 @@ REGRESSIONS = Path(__file__).parents[1] / "tests" / "torture" / "regressions"
 
 @dataclass(frozen=True)
 class TortureArgs:
-    """Play against the game for as long as you like, and check the laws after every step.
+    """Play as roughly as the game allows, for as long as you like, and check its laws after every step.
 
-    Whatever breaks one is written to a file that reproduces it; the exit code is 1 then. Ctrl-C reports what was done.
+    Each failure is written to a file that reproduces it, and the exit code is 1. Ctrl-C ends the play and reports.
     """
 
     seconds: float = 60.0
-    """To play for; what is under way then is finished."""
+    """Play for this many seconds, and finish what is under way then."""
     steps: OptionalCount = None
-    """Stop after so many steps, if that is sooner."""
+    """Stop after this many steps, if they are played before the time is up."""
     seed: int = 0
-    """All that is played follows from it and from the number of the bout."""
+    """Draw everything that is played from this seed and the number of the bout."""
     first: Count = 0
-    """Number of the bout to begin with: to go on where another run has stopped."""
+    """Begin with the bout of this number, to continue where an earlier run stopped."""
     jobs: int = 1
-    """Processes to play in."""
+    """Play in this many processes."""
     out: Path = REGRESSIONS
-    """Folder for the files of failures; the tests play all of those in the one that it is by default."""
+    """Write the files that reproduce failures into this folder. The tests play all files in the default folder."""
     replay: Path | None = None
-    """Play one such file, and nothing else."""
+    """Play this file of a failure again, and nothing else."""
 
 
 def torture_chamber(args: TortureArgs) -> None:

@@ -102,15 +102,30 @@ def begin(env: Any, steps: int = 10, **arguments: Any) -> Any:
     return env
 
 
+def play(env: Any, steps: int, seed: int = 0) -> list[Any]:
+    """Everything that a game of any API returns, with a reset where an episode ends for good."""
+    results: list[Any] = []
+    for rows in random_actions(seed, steps, 2, env._game.continuous):
+        result = env.step(handed(env, rows))
+        results.append(result)
+        if hasattr(env, "possible_agents"):
+            over = not env.agents
+        else:
+            over = not hasattr(env, "num_envs") and (result[2] or result[3])
+        if over:
+            results.append(env.reset())
+    return results
+
+
 def snapshot(env: Any) -> tuple[Any, ...]:
     """All that decides what follows, and what is seen of it, of a game of any API."""
     game = env._game
     if hasattr(env, "possible_agents"):
         other: Any = list(env.agents)
     else:
-        other = env._targets if hasattr(env, "env_method") else str(env.np_random.bit_generator.state)
-    observations = game.out.observation.tobytes(), game.out.other_observation.tobytes()
-    return game.get_state().tobytes(), *observations, other
+        sb3 = hasattr(env, "env_method")
+        other = str((env._seeds, env._options) if sb3 else env.np_random.bit_generator.state)
+    return game.get_state().tobytes(), game.out.observation.tobytes(), other
 
 
 def turned(tables: NDArray[np.void]) -> NDArray[np.void]:
@@ -119,7 +134,7 @@ def turned(tables: NDArray[np.void]) -> NDArray[np.void]:
     for name in ("position", "velocity"):
         other[name] = 0.0 - tables[name][:, [RIGHT, LEFT, PUCK]]
     other["side"] = -tables["side"]
-    for name in ("score", "player", "skill", "wander", "potential"):
+    for name in ("score", "member", "skill", "wander"):
         other[name] = tables[name][:, ::-1]
     return other
 

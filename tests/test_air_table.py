@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import copy
 import doctest
 import math
-import pickle
-from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -16,133 +13,94 @@ from airhockey_env.air_table import AirTable
 from airhockey_env.compiled import records
 from airhockey_env.engine.discrete import advance_discrete
 from airhockey_env.engine.records import CONTACT, SURFACE, Discs
+from tests.helpers import COPIES, INF, NAN
 
 GOOD = {"positions": [[-0.5, 0.0], [0.5, 0.0]], "velocities": [[1.0, 0.0], [0.0, 0.5]], "radii": 0.05}
-INF, NAN = math.inf, math.nan
-
-
-def pickled(table):
-    return pickle.loads(pickle.dumps(table))
 
 
 def snapshot(table):
     return table.time, table.positions.tobytes(), table.velocities.tobytes()
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "message"),
-    [
-        ("positions", [], "positions must hold at least one disc"),
-        ("positions", 3.0, r"positions must be an \(N, 2\) array"),
-        ("positions", None, r"positions must be an \(N, 2\) array"),
-        ("positions", [[0.0, 0.0, 0.0]], r"positions must be .* of shape \(1, 2\); got shape \(1, 3\)"),
-        ("positions", [0.0, 1.0], "positions must be"),
-        ("positions", [[0.0, 0.0], [1.0]], "positions must be"),
-        ("positions", "puck", "positions must be"),
-        ("positions", [[0.0, NAN], [0.5, 0.0]], "positions must be .* got NaN"),
-        ("positions", [[0.0, INF], [0.5, 0.0]], "positions must be finite, got inf"),
-        ("positions", [[0.0, 0.0], [0.0, 0.0]], "positions must not overlap: discs 0 and 1 overlap by 0.1 m"),
-        ("positions", [[0.0, 0.46], [0.5, 0.0]], "positions must lie on the table: disc 0"),
-        ("velocities", [[0.0, 0.0]], r"velocities must be .* of shape \(2, 2\); got shape \(1, 2\)"),
-        ("velocities", [[0.0, 0.0], [0.0, NAN]], "velocities must be .* got NaN"),
-        ("velocities", [[0.0, 0.0], [0.0, -INF]], "velocities must be finite, got -inf"),
-        ("velocities", [["a", 0.0], [0.0, 0.0]], "velocities must be"),
-        ("radii", -0.05, "radii must be finite and greater than 0"),
-        ("radii", 0.0, "radii must be finite and greater than 0"),
-        ("radii", INF, "radii must be finite and greater than 0"),
-        ("radii", NAN, "radii must be .* got NaN"),
-        ("radii", [0.05], r"radii must be .* of shape \(2,\); got shape \(1,\)"),
-        ("radii", [0.05, -0.1], "radii must be finite and greater than 0"),
-        ("radii", None, "radii must be"),
-        ("masses", 0.0, "masses must be greater than 0"),
-        ("masses", [1.0, -2.0], r"masses must be greater than 0 .* got -2.0"),
-        ("masses", -INF, "masses must be greater than 0"),
-        ("masses", NAN, "masses must be .* got NaN"),
-        ("masses", [1.0, 1.0, 1.0], r"masses must be .* got shape \(3,\)"),
-        ("restitution", 1.1, "^restitution must be a number from 0 to 1, got 1.1"),
-        ("restitution", -0.1, "^restitution must be"),
-        ("restitution", NAN, "^restitution must be"),
-        ("restitution", "0.5", "^restitution must be"),
-        ("restitution", None, "^restitution must be"),
-        ("restitution", True, "^restitution must be"),
-        ("restitution", [0.5, 0.5], "^restitution must be"),
-        ("wall_restitution", 2.0, "^wall_restitution must be a number from 0 to 1, got 2.0"),
-        ("wall_restitution", 0.5j, "^wall_restitution must be"),
-        ("size", (2.0, 0.0), "size must be two finite lengths greater than 0"),
-        ("size", (2.0, -1.0), "size must be two finite lengths greater than 0"),
-        ("size", (INF, 1.0), "size must be two finite lengths greater than 0"),
-        ("size", (2.0, NAN), "size must be"),
-        ("size", (2.0, 1.0, 1.0), "size must be"),
-        ("size", "big", "size must be"),
-        ("size", (0.05, 1.0), "positions must lie on the table"),
-        ("size", (np.float64(2.0), 0.0), r"got \(2.0, 0.0\)$"),
-        ("restitution", np.float64(2.0), "got 2.0$"),
-        ("radii", np.array([0.05, -0.05]), "got -0.05$"),
-        ("method", "exact", "method must be one of .*'continuous'.* got 'exact'"),
-        ("method", None, "method must be one of"),
+BAD = {
+    "positions": [
+        [], 3.0, None, "puck", [0.0, 1.0], [[0.0, 0.0, 0.0]], [[0.0, 0.0], [1.0]], [[0.0, NAN], [0.5, 0.0]],
+        [[0.0, INF], [0.5, 0.0]], [[-1e51, 0.0], [0.5, 0.0]], [["0.5", 0.0], [0.5, 0.0]], [[10**5000, 0.0], [0.5, 0.0]],
+        [[0.0, 0.0], [0.0, 0.0]],  # one on the other
+        [[0.0, 0.46], [0.5, 0.0]],  # in a wall
     ],
-)
-def test_bad_arguments_are_named(name, value, message):
-    with pytest.raises(ValueError, match=message):
+    "velocities": [[[0.0, 0.0]], "fast", [["a", 0.0], [0.0, 0.0]], [[0.0, NAN], [0, 0]], [[1e160, 0.0], [0.0, 0.0]]],
+    "radii": [0.0, -0.05, INF, NAN, None, [0.05], [0.05, -0.1], [0.05, 1e-51], [0.05, 1e200], 5e-324],
+    "masses": [0.0, -INF, NAN, [1.0, -2.0], [1.0, 1.0, 1.0], [1.0, 1e-320], 1e300],
+    "restitution": [-0.1, 1.1, NAN, "0.5", None, True, [0.5, 0.5]],
+    "wall_restitution": [2.0, 0.5j],
+    "size": [(2.0, 0.0), (2.0, -1.0), (INF, 1.0), (2.0, NAN), (2.0, 1.0, 1.0), "big", (1e308, 1.0), (True, 1.0)],
+    "method": ["exact", None],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in BAD.items() for value in values])
+def test_bad_arguments_are_named(name, value):
+    with pytest.raises(ValueError, match=rf"^{name} "):
         AirTable(**GOOD | {name: value})
 
 
-@pytest.mark.parametrize("method", ["continuous", "kiss", "overlap"])
 @pytest.mark.parametrize(
-    "dt", [0, 0.0, -0.1, NAN, INF, -INF, True, np.True_, "0.1", None, [0.1], 0.1j, np.complex128(0.1), np.zeros(2)]
+    ("name", "value", "shown"),
+    [
+        ("positions", [[0.0, 0.0, 0.0]], r"\(1, 3\)"),
+        ("positions", [[0.0, 0.0], [0.0, 9.0]], r"disc 1 at \(0.0, 9.0\)"),
+        ("positions", [[0.0, 0.0], [0.0, 0.0]], "discs 0 and 1"),
+        ("radii", np.array([0.05, -0.05]), "got -0.05$"),
+        ("restitution", np.float64(2.0), "got 2.0$"),
+        ("method", "exact", "'continuous'.* got 'exact'"),
+        ("size", (0.05, 1.0), "^positions "),
+    ],
 )
-def test_a_bad_dt_is_named_and_changes_nothing(method, dt):
-    table = AirTable(**GOOD, method=method)
+def test_errors_show_what_was_given(name, value, shown):
+    with pytest.raises(ValueError, match=shown):
+        AirTable(**GOOD | {name: value})
+
+
+REFUSED = {
+    "dt": [0, -0.1, NAN, INF, True, "0.1", None, [0.1], 0.1j, np.zeros(2)],
+    "positions": [value for value in BAD["positions"] if value != []],
+    "velocities": BAD["velocities"],
+}
+
+
+@pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in REFUSED.items() for value in values])
+def test_a_bad_step_or_assignment_changes_nothing(name, value):
+    table = AirTable(**GOOD)
     before = snapshot(table)
-    with pytest.raises(ValueError, match="dt must be a finite number of seconds greater than 0, got"):
-        table.step(dt)
+    with pytest.raises(ValueError, match=rf"^{name} "):
+        table.step(value) if name == "dt" else setattr(table, name, value)
     assert snapshot(table) == before
 
 
-@pytest.mark.parametrize("dt", [1, np.int64(1), np.float32(0.5), np.float64(0.1), 5e-324, 1e-300])
-def test_any_real_number_will_do_for_dt(dt):
+@pytest.mark.parametrize("name", ["positions", "velocities"])
+@pytest.mark.parametrize("value", [NAN, INF, -INF])
+def test_a_live_array_gone_bad_is_caught_by_the_next_step(name, value):
+    table = AirTable(**GOOD)
+    getattr(table, name)[1, 0] = value
+    before = snapshot(table)
+    with pytest.raises(ValueError, match=rf"^{name} "):
+        table.step(0.1)
+    assert snapshot(table) == before
+
+
+@pytest.mark.parametrize("dt", [1, 5e-324])
+def test_a_step_may_be_as_short_as_numbers_are(dt):
     table = AirTable(**GOOD)
     table.step(dt)
-    assert table.time == float(dt)
-    assert table.positions[0, 0] == pytest.approx(-0.5 + float(dt) * 1.0)
+    assert table.time == dt
+    assert table.positions[0, 0] == pytest.approx(-0.5 + dt * 1.0)
 
 
 def test_even_a_boundless_step_ends():
     table = AirTable(**GOOD, size=None)
     assert len(table.step(1e300)) == 0
     assert table.positions[0, 0] == pytest.approx(1e300)
-
-
-@pytest.mark.parametrize("method", ["continuous", "kiss", "overlap"])
-@pytest.mark.parametrize("name", ["positions", "velocities"])
-@pytest.mark.parametrize("value", [NAN, INF, -INF])
-def test_a_live_array_gone_bad_is_caught_by_the_next_step(method, name, value):
-    table = AirTable(**GOOD, method=method)
-    getattr(table, name)[1, 0] = value
-    before = snapshot(table)
-    with pytest.raises(ValueError, match=rf"^{name} must be finite, got"):
-        table.step(0.1)
-    assert snapshot(table) == before
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "message"),
-    [
-        ("positions", [[0.0, 0.0], [0.05, 0.0]], "positions must not overlap"),
-        ("positions", [[0.0, 0.0], [0.0, 9.0]], r"positions must lie on the table: disc 1 at \(0.0, 9.0\) reaches"),
-        ("positions", [[0.0, 0.0]], "positions must be"),
-        ("positions", [[0.0, NAN], [0.5, 0.0]], "positions must be"),
-        ("velocities", [[0.0, 0.0]], "velocities must be"),
-        ("velocities", [[0.0, INF], [0.0, 0.0]], "velocities must be finite"),
-        ("velocities", "fast", "velocities must be"),
-    ],
-)
-def test_a_bad_assignment_is_named_and_changes_nothing(name, value, message):
-    table = AirTable(**GOOD)
-    before = snapshot(table)
-    with pytest.raises(ValueError, match=message):
-        setattr(table, name, value)
-    assert snapshot(table) == before
 
 
 def test_arguments_are_copied_and_the_state_is_live():
@@ -240,7 +198,7 @@ def test_a_tick_with_more_overlaps_than_expected_is_the_same_as_with_room_from_t
 
 
 @pytest.mark.parametrize("method", ["continuous", "kiss", "overlap"])
-@pytest.mark.parametrize("copied", [copy.deepcopy, pickled], ids=["deepcopy", "pickle"])
+@pytest.mark.parametrize("copied", COPIES.values(), ids=COPIES)
 def test_a_copy_goes_on_to_the_bit_and_on_its_own(method, copied):
     rng = np.random.default_rng(3)
     positions = [[x, y] for x in (-0.8, -0.4, 0.0, 0.4, 0.8) for y in (-0.25, 0.25)]
@@ -262,57 +220,6 @@ def test_the_examples_of_the_docstring():
     assert outcome.failed == 0
 
 
-HUGE = 10**5000
-ODD = [
-    HUGE, -HUGE, Fraction(10**400), np.longdouble("1e4000") if np.finfo(np.longdouble).maxexp > 2000 else INF, "0.5",
-    b"1", 1j, np.complex128(0.5), True, np.True_, np.timedelta64(1, "s"), np.datetime64("2020-01-01"), {}, [], [[]],
-    np.array(["0.5"]), [None, 0.5], np.array([HUGE, 1], dtype=object), np.zeros((2, 2, 2)), -1e308, NAN,
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("name", ["positions", "velocities", "radii", "masses", "restitution", "wall_restitution"])
-@pytest.mark.parametrize("value", ODD, ids=lambda value: type(value).__name__)
-def test_odd_numbers_are_named(name, value):
-    among_others = name in ("positions", "velocities") and not isinstance(value, (bool, np.bool_))
-    for given in (value, [[value, 0.0], [0.5, 0.0]]) if among_others else (value,):  # NumPy takes True for 1.0 there
-        if name == "masses" and isinstance(value, float) and value == INF:
-            continue
-        with pytest.raises(ValueError, match=rf"^{name} "):
-            AirTable(**GOOD | {name: given})
-
-
-@pytest.mark.parametrize("value", ODD, ids=lambda value: type(value).__name__)
-def test_odd_steps_and_sizes_are_named_and_change_nothing(value):
-    table = AirTable(**GOOD)
-    before = snapshot(table)
-    with pytest.raises(ValueError, match=r"^dt "):
-        table.step(value)
-    for name in ("positions", "velocities"):
-        with pytest.raises(ValueError, match=rf"^{name} "):
-            setattr(table, name, value)
-    assert snapshot(table) == before
-    with pytest.raises(ValueError, match=r"^size "):
-        AirTable(**GOOD, size=(value, 1.0))
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("positions", [[-1e51, 0.0], [0.5, 0.0]]),
-        ("velocities", [[1e160, 0.0], [0.0, 0.0]]),
-        ("radii", [0.05, 1e-51]),
-        ("radii", [0.05, 1e200]),
-        ("radii", 5e-324),
-        ("masses", [1.0, 1e-320]),
-        ("masses", 1e300),
-        ("size", (1e308, 1.0)),
-    ],
-)
-def test_numbers_whose_squares_or_inverses_are_none_are_named(name, value):
-    with pytest.raises(ValueError, match=rf"^{name} must"):
-        AirTable(**GOOD | {"size": None} | {name: value})
-
-
 @pytest.mark.parametrize("method", ["continuous", "kiss", "overlap"])
 def test_at_the_ends_of_the_ranges_all_stays_finite(method):
     table = AirTable([[-1e50, 0.0], [1e50, 1.0]], [[1e50, 0.0], [-1e50, 1e-320]], 1e49, [1e-50, 1e50], size=None,
@@ -328,7 +235,7 @@ def test_at_the_ends_of_the_ranges_all_stays_finite(method):
 def test_a_step_that_leads_beyond_all_numbers_is_named_and_changes_nothing(method):
     table = AirTable(**GOOD | {"velocities": [[1e40, 0.0], [0.0, 0.0]]}, size=None, method=method)
     before = snapshot(table)
-    with pytest.raises(ValueError, match=r"^dt must"):
+    with pytest.raises(ValueError, match=r"^dt "):
         table.step(1e300)
     assert snapshot(table) == before
 
@@ -338,15 +245,7 @@ def test_a_step_with_more_contacts_than_memory_should_hold_is_named_and_changes_
     table = AirTable(**GOOD)
     table.step(0.1)
     before = snapshot(table)
-    with pytest.raises(ValueError, match=r"^dt must"):
+    with pytest.raises(ValueError, match=r"^dt "):
         table.step(1e6)
     assert snapshot(table) == before
     assert len(table.step(100.0)) < 1000
-
-
-@pytest.mark.parametrize("value", [0.5, np.float16(0.5), np.longdouble(0.5), Fraction(1, 2)])
-def test_any_real_number_will_do(value):
-    table = AirTable([[value - 1, 0], [value, 0]], [[value, 0], [0, value]], value / 10, value, value, value, (2, 1))
-    assert (table.radii == 0.05).all() or value.dtype == np.float16
-    assert (table.masses == 0.5).all()
-    assert len(table.step(value)) == 0

@@ -6,13 +6,11 @@ import os
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from airhockey_env.compiled import PLAIN_ROOMS
-
-PACKAGE = Path(__file__).parents[1] / "airhockey_env"
+from tests.helpers import ROOT
 
 CALLEE = "from airhockey_env.compiled import compiled\n\n@compiled\ndef callee(x):\n    return {value} * x\n"
 CALLER = (
@@ -31,7 +29,7 @@ def package(tmp_path):
     root = tmp_path / "site"
     (root / "airhockey_env").mkdir(parents=True)
     (root / "airhockey_env" / "__init__.py").touch()
-    shutil.copy(PACKAGE / "compiled.py", root / "airhockey_env")
+    shutil.copy(ROOT / "airhockey_env" / "compiled.py", root / "airhockey_env")
     (root / "airhockey_env" / "caller.py").write_text(CALLER)
     (root / "airhockey_env" / "callee.py").write_text(CALLEE.format(value=2.0))
     return root
@@ -53,19 +51,21 @@ def run(root, **environment):
     return float(value), int(hits), int(misses)
 
 
-def test_a_change_to_a_callee_in_another_file_reaches_its_callers(package):
-    assert run(package) == (21.0, 0, 1)
-    assert run(package) == (21.0, 1, 0)  # from the cache
-    (package / "airhockey_env" / "callee.py").write_text(CALLEE.format(value=3.0))
-    assert run(package) == (31.0, 0, 1)
-    assert run(package) == (31.0, 1, 0)
-
-
-def test_a_change_back_is_seen_as_well(package):
-    run(package)
-    for value, expected in ((3.0, 31.0), (2.0, 21.0)):
-        (package / "airhockey_env" / "callee.py").write_text(CALLEE.format(value=value))
-        assert run(package)[0] == expected
+@pytest.mark.parametrize("where", ["beside the files", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME"])
+def test_a_change_to_a_callee_in_another_file_reaches_its_callers(package, where):
+    """And one back again; also in the user-wide cache, which serves where the package's folder cannot be written."""
+    environment = {} if where == "beside the files" else {where: str(package / "cache")}
+    if where == "XDG_CACHE_HOME":
+        (package / "airhockey_env" / "__pycache__").write_text("in the way")
+        environment["PYTHONDONTWRITEBYTECODE"] = "1"
+    callee = package / "airhockey_env" / "callee.py"
+    for value, result in ((2.0, 21.0), (3.0, 31.0)):
+        callee.write_text(CALLEE.format(value=value))
+        assert run(package, **environment) == (result, 0, 1)
+        assert run(package, **environment) == (result, 1, 0)  # from the cache
+    callee.write_text(CALLEE.format(value=2.0))
+    assert run(package, **environment)[0] == 21.0
+    assert any((package / "cache").rglob("*.nbi")) == bool(environment)
 
 
 def test_a_package_that_moves_takes_its_cache_along_or_compiles_anew(package, tmp_path):
@@ -84,24 +84,6 @@ def test_without_a_folder_to_write_to_it_still_works(package):
     assert run(package, **environment)[0] == 21.0
     (package / "airhockey_env" / "callee.py").write_text(CALLEE.format(value=3.0))
     assert run(package, **environment)[0] == 31.0
-
-
-def test_beside_a_folder_that_cannot_be_written_the_user_wide_cache_serves(package):
-    (package / "airhockey_env" / "__pycache__").write_text("in the way")
-    environment = {"PYTHONDONTWRITEBYTECODE": "1", "XDG_CACHE_HOME": str(package / "cache")}
-    assert run(package, **environment) == (21.0, 0, 1)
-    assert run(package, **environment) == (21.0, 1, 0)
-    (package / "airhockey_env" / "callee.py").write_text(CALLEE.format(value=3.0))
-    assert run(package, **environment) == (31.0, 0, 1)
-
-
-def test_numba_cache_dir_moves_the_cache(package):
-    cache = package / "chosen"
-    assert run(package, NUMBA_CACHE_DIR=str(cache)) == (21.0, 0, 1)
-    assert run(package, NUMBA_CACHE_DIR=str(cache)) == (21.0, 1, 0)
-    assert any(cache.rglob("*.nbi"))
-    (package / "airhockey_env" / "callee.py").write_text(CALLEE.format(value=3.0))
-    assert run(package, NUMBA_CACHE_DIR=str(cache)) == (31.0, 0, 1)
 
 
 def test_a_terminal_is_told_why_the_first_step_takes_so_long(package):
@@ -124,7 +106,7 @@ def test_a_terminal_is_told_why_the_first_step_takes_so_long(package):
         os.close(ours)
         return said.strip()
 
-    assert told() == "airhockey_env: compiling, which takes up to half a minute, once; then it is cached"
+    assert "compiling" in told()
     assert told() == ""
 
 
@@ -140,5 +122,5 @@ def test_a_change_to_what_is_not_compiled_leaves_the_cache_valid(package):
 
 def test_nothing_is_compiled_in_the_plain_rooms():
     for room in PLAIN_ROOMS:
-        for path in (PACKAGE / room).rglob("*.py"):
+        for path in (ROOT / "airhockey_env" / room).rglob("*.py"):
             assert "airhockey_env.compiled" not in path.read_text(), path

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 
 import numpy as np
 import pytest
 
 from airhockey_env import PRESETS, AirHockeyEnv, TableSpec
 from airhockey_env.tables import CHALLENGE, FULL_SIZE, IDEAL, resolve_table
+from tests.helpers import INF, NAN
 
 FIELDS = [field.name for field in dataclasses.fields(TableSpec)]
-POSITIVE = [
-    "length", "width", "goal_width", "puck_radius", "puck_mass", "paddle_radius",
-    "paddle_speed", "paddle_acceleration", "puck_speed",
-]  # fmt: skip
 SHARES = ["wall_restitution", "wall_tangential", "paddle_restitution"]
 DRAGS = ["drag_constant", "drag_linear", "drag_quadratic"]
 
@@ -52,38 +48,17 @@ def test_presets_keep_to_the_rules_and_to_people(spec):
     assert 8.0 < hardest < 9.7 < spec.puck_speed  # the hardest shot at a still puck; people's peak
 
 
-def test_every_field_is_covered_here():
-    assert sorted(FIELDS) == sorted(POSITIVE + SHARES + DRAGS)
-
-
 @pytest.mark.parametrize("name", FIELDS)
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, None, "1", True, np.True_, [1.0], 1j], ids=repr)
-def test_a_field_must_be_a_finite_number(name, value):
-    with pytest.raises(ValueError, match=f"^{name} must be a finite number"):
-        dataclasses.replace(FULL_SIZE, **{name: value})
-
-
-@pytest.mark.parametrize("name", POSITIVE)
-@pytest.mark.parametrize("value", [0.0, -1e-300, -1.0])
-def test_a_size_must_be_positive(name, value):
-    with pytest.raises(ValueError, match=f"^{name} must be greater than 0, got {value}$"):
-        dataclasses.replace(FULL_SIZE, **{name: value})
-
-
-@pytest.mark.parametrize("name", SHARES)
-@pytest.mark.parametrize("value", [-1e-9, 1.0 + 1e-9, 5.0])
-def test_a_share_must_be_from_0_to_1(name, value):
-    with pytest.raises(ValueError, match=f"^{name} must be from 0 to 1, got {value}$"):
-        dataclasses.replace(FULL_SIZE, **{name: value})
-    for edge in (0.0, 1.0):
-        assert getattr(dataclasses.replace(FULL_SIZE, **{name: edge}), name) == edge
-
-
-@pytest.mark.parametrize("name", DRAGS)
-def test_a_drag_must_not_be_negative(name):
-    with pytest.raises(ValueError, match=f"^{name} must be 0 or more, got -1e-09$"):
-        dataclasses.replace(FULL_SIZE, **{name: -1e-9})
-    assert getattr(dataclasses.replace(FULL_SIZE, **{name: 0.0}), name) == 0.0
+def test_fields_refuse_what_no_table_has(name):
+    if name in SHARES:
+        bad, good = (-1e-9, 1.0 + 1e-9), (0.0, 1.0)
+    else:
+        bad, good = ((-1e-9,), (0.0,)) if name in DRAGS else ((0.0, -1e-300), ())
+    for value in (*bad, NAN, INF, "1", True, None):
+        with pytest.raises(ValueError, match=rf"^{name} .*got {value!r}"):
+            dataclasses.replace(FULL_SIZE, **{name: value})
+    for value in good:
+        assert getattr(dataclasses.replace(FULL_SIZE, **{name: value}), name) == value
 
 
 # Each limit between fields: what is just too much, and what just fits.
@@ -102,7 +77,7 @@ LIMITS = [
 
 @pytest.mark.parametrize(("name", "bad", "good"), LIMITS)
 def test_fields_must_fit_each_other(name, bad, good):
-    with pytest.raises(ValueError, match=f"^{name} must be (greater|less) than .*, got "):
+    with pytest.raises(ValueError, match=rf"^{name} "):
         dataclasses.replace(FULL_SIZE, **bad)
     dataclasses.replace(FULL_SIZE, **good)
 
@@ -120,6 +95,10 @@ def test_tables_that_just_fit_can_be_played(good, rate):
             observation, _ = env.reset()
 
 
+def test_fields_are_floats():
+    assert type(dataclasses.replace(FULL_SIZE, length=np.float32(2.0)).length) is float
+
+
 def test_specs_are_frozen_values():
     with pytest.raises(dataclasses.FrozenInstanceError):
         FULL_SIZE.length = 3.0
@@ -129,18 +108,12 @@ def test_specs_are_frozen_values():
     assert heavier.puck_mass == 0.05 and heavier != FULL_SIZE and FULL_SIZE.puck_mass == 0.037
 
 
-@pytest.mark.parametrize("number", [2, np.int64(2), np.float32(2.0), np.float64(2.0)], ids=lambda n: type(n).__name__)
-def test_any_real_number_will_do_and_is_a_float_then(number):
-    spec = dataclasses.replace(FULL_SIZE, length=number)
-    assert spec.length == 2.0 and type(spec.length) is float
-
-
 def test_tables_by_name_or_spec():
     assert resolve_table("challenge") is CHALLENGE
     own = dataclasses.replace(IDEAL, length=2.0)
     assert resolve_table(own) is own and AirHockeyEnv(table=own).table is own
     for bad in ("huge", "", None, 3, ["ideal"], {"length": 2.0}):
-        with pytest.raises(ValueError, match=r"^table must be "):
+        with pytest.raises(ValueError, match=r"^table "):
             resolve_table(bad)
 
 
@@ -150,9 +123,9 @@ def test_tables_by_a_mapping_of_fields():
     needed = {name: value for name, value in dataclasses.asdict(IDEAL).items() if "speed" not in name}
     assert resolve_table(needed) == IDEAL  # the others have defaults
     for name in ("length", "drag_linear"):
-        with pytest.raises(ValueError, match=rf"^table must be .*'{name}'"):
+        with pytest.raises(ValueError, match=rf"^table .*'{name}'"):
             resolve_table({k: v for k, v in needed.items() if k != name})
-    with pytest.raises(ValueError, match=r"^table must be .*'lenght'"):
+    with pytest.raises(ValueError, match=r"^table .*'lenght'"):
         resolve_table({**needed, "lenght": 2.0})
-    with pytest.raises(ValueError, match=r"^width must be "):
+    with pytest.raises(ValueError, match=r"^width "):
         resolve_table({**needed, "width": "1.0"})

@@ -1,1 +1,1 @@
-"""How well somebody plays: points and tasks, the ladder, the score card."""
+"""Measuring players: points and tasks, the ladder, score cards."""

@@ -1,4 +1,4 @@
-"""How well a policy plays: points against an opponent, both sides of the table balanced; and tasks for one."""
+"""Evaluate a policy: points against an opponent, balanced over both sides of the table, and tasks for one player."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ Observer = Callable[[Game, int], Callable[[NDArray[np.bool_]], None]]
 returns a callback that runs after every step with the mask (N,) of the tables that played it."""
 
 OPPONENTS = NAMES
-"""Those that every report plays against, weakest first."""
+"""The opponents in every report, weakest first."""
 
 SOLO_TASKS = tuple(name for name, task in TASKS.items() if task.opponent == "idle")
-"""Tasks without an opponent who plays, in which an episode succeeds or fails."""
+"""Tasks without an active opponent, in which an episode succeeds or fails."""
 
 CONTROL_HZ, MAX_EPISODE_STEPS = 50, 1500
 """The control rate and the time limit of the registered environment."""
 
 TABLES_AT_ONCE = 4096
 PICTURE_TABLES_AT_ONCE = 512
-"""Fewer tables for players who see pictures: three stacked pictures of a table take 64 kB, and are copied."""
+"""The same for players that see pictures: three stacked pictures of a table take 64 kB and are copied."""
 
 
 @dataclass(frozen=True)
 class Result:
-    """Points of one player against an opponent."""
+    """Result of the points of one player against an opponent."""
 
     opponent: str
     wins: int
@@ -52,12 +52,12 @@ class Result:
 
     @property
     def win_rate(self) -> float:
-        """Wins in all points, draws included."""
+        """Share of wins in all points, including draws."""
         return self.wins / self.points if self.points else math.nan
 
     @property
     def decided(self) -> float:
-        """Wins in the points that were decided."""
+        """Share of wins in the decided points."""
         return self.wins / (self.wins + self.losses) if self.wins + self.losses else math.nan
 
     def as_dict(self) -> dict[str, Any]:
@@ -80,7 +80,7 @@ class Result:
 
 @dataclass(frozen=True)
 class TaskResult:
-    """Episodes of one player in a task."""
+    """Result of the episodes of one player in a task."""
 
     task: str
     successes: int
@@ -107,14 +107,14 @@ class TaskResult:
 
 
 def wilson_interval(successes: int, trials: int, z: float = 1.959963984540054) -> tuple[float, float]:
-    """Wilson's score interval of a share (E. B. Wilson, JASA 22, 1927); 95 % by default. (0, 1) without trials."""
+    """Wilson's score interval of a proportion (E. B. Wilson, JASA 22, 1927), 95 % by default; (0, 1) without trials."""
     if trials == 0:
         return 0.0, 1.0
     share = successes / trials
     centre = share + z**2 / (2 * trials)
     spread = z * math.sqrt(share * (1 - share) / trials + z**2 / (4 * trials**2))
     scale = 1 + z**2 / trials
-    low = (centre - spread) / scale if successes > 0 else 0.0  # exactly, not but for rounding
+    low = (centre - spread) / scale if successes > 0 else 0.0  # exactly 0, without rounding errors
     high = (centre + spread) / scale if successes < trials else 1.0
     return low, high
 
@@ -138,21 +138,24 @@ def play_points(
     max_episode_steps: int = MAX_EPISODE_STEPS,
     observer: Observer | None = None,
 ) -> Result:
-    """Play points against an opponent: half of them on the left, half on the right side of the table.
+    """Play points against an opponent, half of them on the left and half on the right side of the table.
 
-    Every point is played to its end on a table of its own, so that short points are not counted more often. If it
-    takes long, a progress bar shows.
+    Each point is played to its end on its own table, so that short points are not over-represented. A progress bar
+    appears if it takes long.
 
     Args:
         policy: a callable from float32 observations (N, 13) to actions (N, 2), a `ModelPlayer`, or a named opponent's
             name.
-        opponent: likewise.
-        points: how many; rounded up to an even number.
-        name: the opponent's, in the result; by default that of a scripted one.
-        seed: of the tables' random streams.
-        purpose: one of `agents.seeding.PURPOSES`; those of other purposes are other streams.
-        opponent_skill: of a scripted opponent.
-        observer: sees every game.
+        opponent: the same kinds of player.
+        points: number of points, rounded up to an even number.
+        name: the opponent's name in the result; by default that of a named opponent.
+        seed: determines the tables' random streams.
+        purpose: one of `agents.seeding.PURPOSES`; each has its own random streams.
+        opponent_skill: skill of a scripted opponent, 0 to 1.
+        table: name of a preset.
+        control_hz: control steps per second.
+        max_episode_steps: steps after which a point is drawn.
+        observer: see `Observer`.
 
     Raises:
         ValueError: an argument is out of range.
@@ -220,14 +223,13 @@ def play_task(
     table: str = "full_size",
     observer: Observer | None = None,
 ) -> TaskResult:
-    """Play episodes of a task without an opponent, as its registered environment has them (at 50 Hz).
+    """Play episodes of a task without an opponent, as in its registered environment (at 50 Hz).
 
     Args:
         policy: as in `play_points`.
         task: one of `SOLO_TASKS`.
-        episodes: how many; each on a table of its own.
-        seed, purpose: as in `play_points`.
-        observer: sees every game.
+        episodes: number of episodes, each on its own table.
+        seed, purpose, table, observer: as in `play_points`.
 
     Raises:
         ValueError: an argument is out of range.

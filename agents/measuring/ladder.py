@@ -1,4 +1,4 @@
-"""The ladder: everybody plays everybody, and the results become ratings."""
+"""The ladder: every player plays every other, and the results become ratings."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ ELO = 400.0 / math.log(10.0)
 """Elo points for a factor of e in the odds: 400 points are odds of 10 to 1 (A. E. Elo, The Rating of Chessplayers)."""
 
 ANCHOR, ANCHOR_RATING = "striker", 1000.0
-"""The one whose rating is fixed: results say something about differences alone."""
+"""The player whose rating is fixed, because results only determine differences."""
 
 PRIOR = 0.5
-"""Wins, losses and draws each, that every pair is taken to have had before it met: Jeffreys' prior of the three shares.
-It keeps ratings finite where somebody wins everything, and is nothing beside hundreds of points."""
+"""Wins, losses and draws that are added to each pair (Jeffreys' prior of the three shares). It keeps ratings finite
+when one player wins everything, and is negligible beside hundreds of points."""
 
 SAMPLES = 1000
-"""Samples of the ratings, from which the intervals are taken."""
+"""Number of samples of the ratings from which the intervals are computed."""
 
 
 @dataclass(frozen=True)
@@ -62,15 +62,16 @@ class Rating:
 
 
 def find_players(models: Sequence[str], only: bool = False, trust: bool = False) -> dict[str, Player]:
-    """Who plays, by the name that tables and plots show.
+    """Load the players of a ladder, keyed by the names that tables and plots show.
 
     Args:
-        models: as `load_player` takes them. A file is called after its run's folder, or its path if that is not unique.
+        models: players as `load_player` accepts them. A file is named after the folder of its run, or after its path if
+            that is not unique.
         only: leave out the named opponents that are not among `models`.
         trust: see `load_player`.
 
     Raises:
-        FileNotFoundError, ValueError: see `load_player`; or there are fewer than two.
+        FileNotFoundError, ValueError: see `load_player`; also if there are fewer than two players.
     """
     given = list(dict.fromkeys((*(() if only else OPPONENTS), *models)))
     if len(given) < 2:
@@ -86,9 +87,9 @@ def find_players(models: Sequence[str], only: bool = False, trust: bool = False)
 def play_ladder(
     players: Mapping[str, Player], points: int, *, seed: int = 0, table: str = "full_size"
 ) -> Iterator[Match]:
-    """Let everybody play everybody: the matches, as they end.
+    """Let every player play every other; yield the matches as they end.
 
-    A match is `play_points` with the same arguments, so it does not depend on who else plays.
+    A match is a call of `play_points` with the same arguments, so it does not depend on the other players.
     """
     for first, second in combinations(players, 2):
         result = play_points(players[first], players[second], points, name=second, seed=seed, table=table)
@@ -96,13 +97,13 @@ def play_ladder(
 
 
 def rate(names: Sequence[str], matches: Sequence[Match]) -> list[Rating]:
-    """Ratings by Bradley and Terry's model (Biometrika 39, 1952), best first.
+    """Ratings of the Bradley-Terry model (Biometrika 39, 1952), best first.
 
-    A player of rating r scores against one of rating s with the odds 10 ** ((r - s) / 400); a draw is half a win for
-    each. Ratings are those of maximum likelihood, `PRIOR` included. Intervals are the middle 95 % of the ratings for
-    `SAMPLES` samples of every pair's shares of wins, losses and draws, from their posterior distribution under that
-    prior: so a draw brings no spread, and a player that wins everything has an interval too. `ANCHOR`, or without it
-    the mean, is at `ANCHOR_RATING`.
+    A player of rating r beats one of rating s with odds of 10 ** ((r - s) / 400), and a draw counts as half a win for
+    each. The ratings maximize the likelihood, including `PRIOR`. The intervals are the central 95 % of the ratings for
+    `SAMPLES` samples of every pair's shares of wins, losses and draws from their posterior distribution. Draws
+    therefore do not widen them, and a player that wins everything has an interval too. The rating of `ANCHOR`, or
+    without it the mean, is `ANCHOR_RATING`.
     """
     place = {name: k for k, name in enumerate(names)}
     pairs = np.array(list(combinations(range(len(names)), 2)))
@@ -127,7 +128,7 @@ def rate(names: Sequence[str], matches: Sequence[Match]) -> list[Rating]:
 def _ratings(
     number: int, pairs: NDArray[np.int64], outcomes: NDArray[np.float64], anchor: int | None
 ) -> NDArray[np.float64]:
-    """Elo points (number,) of maximum likelihood, for wins, losses and draws (pairs, 3)."""
+    """Maximum-likelihood ratings (number,) in Elo points for wins, losses and draws (pairs, 3)."""
     import choix
 
     scores = np.zeros((number, number))
@@ -139,7 +140,7 @@ def _ratings(
 
 
 def cross_table(names: Sequence[str], matches: Sequence[Match]) -> NDArray[np.float64]:
-    """(n, n) share of the points that the row's player scored against the column's, a draw half; NaN if not played."""
+    """(n, n) share of the points that the row's player scored against the column's (draws half); NaN if not played."""
     place = {name: k for k, name in enumerate(names)}
     table = np.full((len(names), len(names)), np.nan)
     for match in matches:
@@ -150,6 +151,6 @@ def cross_table(names: Sequence[str], matches: Sequence[Match]) -> NDArray[np.fl
 
 
 def expected_scores(ratings: Sequence[Rating]) -> NDArray[np.float64]:
-    """(n, n) the shares that the ratings say."""
+    """(n, n) the shares that the ratings predict."""
     values = np.array([rating.rating for rating in ratings])
     return 1.0 / (1.0 + 10.0 ** ((values - values[:, np.newaxis]) / 400.0))

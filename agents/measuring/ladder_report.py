@@ -1,4 +1,4 @@
-"""The ladder in the terminal and as a picture."""
+"""Print and plot the ladder."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from agents.tables import print_table
 
 
 def print_ladder(ratings: Sequence[Rating], matches: Sequence[Match]) -> None:
-    """Print the ratings with their 95 % intervals, the cross table, and how well the one explains the other."""
+    """Print the ratings with their 95 % intervals, the cross table, and how well the ratings explain it."""
     from rich.console import Console
 
     names = [rating.player for rating in ratings]

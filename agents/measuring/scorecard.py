@@ -1,6 +1,6 @@
-"""A player's skills, measured: shots, saves, time on the attack, fouls, own goals and reaction.
+"""Measure the skills of a player: shots, saves, time attacking, fouls, own goals and reaction.
 
-docs/scorecard.md says what each number means.
+docs/scorecard.md explains each number.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
 
 SPEEDS = (0.0, 2.0, 4.0, 6.0, 8.0, math.inf)
-"""m/s. Bounds of the classes of speed for saves."""
+"""m/s. Bounds of the speed classes for saves."""
 
 REACTED = 0.1
-"""Share of a paddle's greatest speed at which it counts as having set off."""
+"""Share of its greatest speed at which a paddle counts as having set off."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Share:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 %, Wilson's."""
+        """95 % Wilson interval."""
         return wilson_interval(self.count, self.of)
 
     def as_dict(self) -> dict[str, Any]:
@@ -69,7 +69,7 @@ class Shots:
 
 @dataclass(frozen=True)
 class Saves:
-    """Shots on target that came in with a speed from `low` to `high`, and how many of them were kept out."""
+    """How many of the shots on target with a speed from `low` to `high` were kept out."""
 
     low: float  # m/s
     high: float
@@ -83,13 +83,13 @@ class Saves:
 
 @dataclass(frozen=True)
 class Card:
-    """What `measure` found."""
+    """The result of `measure`."""
 
     player: str
     result: Result  # against the opponent
     seconds: float  # of that play
     shots: dict[str, Shots]  # "direct", "bank", "all": of that play
-    hit_shots: dict[str, Shots]  # likewise, in the task "hit"
+    hit_shots: dict[str, Shots]  # the same for the task "hit"
     saves: list[Saves]  # by speed
     zone: float  # share of that time with the puck on the far half
     possession: float  # with the puck on the near half, last touched by the player
@@ -102,7 +102,7 @@ class Card:
 
     @property
     def attacking(self) -> float:
-        """Share of the time with the puck on the far half, or in possession."""
+        """Share of the time with the puck on the far half or in possession."""
         return self.zone + self.possession
 
     def per_hour(self, count: int) -> float:
@@ -132,7 +132,7 @@ class Card:
 
 
 def quartiles(values: NDArray[np.float64]) -> list[float]:
-    """First quartile, median and third quartile; infinite values count as greatest. NaN without values."""
+    """First quartile, median and third quartile. Infinite values count as the greatest; NaN if there are no values."""
     if not len(values):
         return [math.nan] * 3
     return [float(value) for value in np.quantile(values, [0.25, 0.5, 0.75], method="nearest")]
@@ -149,14 +149,14 @@ def measure(
     seed: int = 0,
     table: str = "full_size",
 ) -> Card:
-    """Let a player play points against an opponent, half of them on each side of the table, and the two tasks.
+    """Let a player play points against an opponent, half of them on each side of the table, and both tasks.
 
     Args:
         player, opponent: as in `play_points`.
-        player_name, opponent_name: for reports.
-        points: against the opponent.
-        episodes: of each task.
-        seed, table: of all of these.
+        player_name, opponent_name: names for reports.
+        points: number of points against the opponent.
+        episodes: number of episodes of each task.
+        seed, table: used for all of these.
 
     Raises:
         ValueError: an argument is out of range.
@@ -195,7 +195,7 @@ def measure(
 
 
 class Flown(NamedTuple):
-    """Shots, and where they would have gone; all (n,)."""
+    """Shots and where they would have gone; all arrays are (n,)."""
 
     shots: NDArray[np.void]  # of SHOT
     on_target: NDArray[np.bool_]
@@ -204,7 +204,7 @@ class Flown(NamedTuple):
 
 
 class _Watch:
-    """Looks on with a `Recorder` at every game."""
+    """Observes every game with a `Recorder`."""
 
     def __init__(self) -> None:
         self.recorders: list[Recorder] = []
@@ -221,7 +221,7 @@ class _Watch:
         return sum(int(getattr(recorder, name)[own]) for recorder, (_, own) in counted)
 
     def shots(self) -> tuple[Flown, Flown]:
-        """The player's and the opponent's."""
+        """The player's shots and the opponent's."""
         both: tuple[list[Flown], list[Flown]] = ([], [])
         for recorder, (game, own) in zip(self.recorders, self._games, strict=True):
             shots = recorder.shots
@@ -251,7 +251,7 @@ def _by_kind(flown: Flown) -> dict[str, Shots]:
 
 
 def speed_of(shots: NDArray[np.void]) -> NDArray[np.float64]:
-    """(n,) m/s, of the puck at the end of the step of the last touch."""
+    """(n,) speed of the puck at the end of the step of the last touch, m/s."""
     return np.linalg.norm(shots["start"]["velocity"][:, PUCK], axis=-1)
 
 
@@ -262,7 +262,7 @@ def _saved(shots: NDArray[np.void], low: float, high: float) -> Share:
 
 
 class _Defences:
-    """Looks on at the task "defend"."""
+    """Observes games of the task "defend"."""
 
     def __init__(self) -> None:
         self._each: list[Defence] = []
@@ -282,13 +282,13 @@ class _Defences:
 
 
 class Defence:
-    """One game of the task "defend": what each shot came to, and when the paddle set off.
+    """One game of the task "defend": the result of each shot, and when the paddle set off.
 
-    Attributes: of every table
-        shots: (n,) of `SHOT`; `scored` is kept while playing.
-        courses: where they go if nobody touches them.
-        has_to_move: (n,) whether the shot passes the paddle's place by more than a touch.
-        reaction: (n,) s from the shot until the paddle has set off towards it; inf for not yet.
+    Attributes:
+        shots: (n,) of `SHOT`, one per table; `scored` is updated during play.
+        courses: where the shots go if nobody touches them.
+        has_to_move: (n,) whether the shot misses the paddle's initial position, so that the paddle has to move.
+        reaction: (n,) s from the shot until the paddle has set off towards it; inf if it has not.
     """
 
     def __init__(self, game: Game) -> None:
@@ -305,7 +305,7 @@ class Defence:
         self._steps = 0
 
     def note(self, running: NDArray[np.bool_]) -> None:
-        """Note a step that the tables of the mask (N,) have played."""
+        """Record a step that the tables of the mask (N,) have played."""
         game = self._game
         self._steps += 1
         self.shots["scored"][running] = game.out.point[running] < 0

@@ -1,4 +1,4 @@
-"""A score card in the terminal and as a picture."""
+"""Print and plot a score card."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from airhockey_env.tables import TableSpec
 
 
 def print_card(card: Card) -> None:
-    """Print everything that was measured, with 95 % intervals."""
+    """Print all results, with 95 % intervals."""
     opponent, result = card.result.opponent, card.result
     rows = [
         (
@@ -69,7 +69,7 @@ def _class(low: float, high: float) -> str:
 
 
 def draw_card(card: Card, spec: TableSpec, path: Path) -> None:
-    """Draw a card of a player on a table: accuracy, speed and place of its shots, saves, reaction, and how it plays."""
+    """Plot a score card: accuracy, speed and placement of shots, saves, reaction, and general play."""
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -214,7 +214,7 @@ def _draw_play(axis: Any, card: Card) -> None:
             bars.append(axis.barh(place, share, left=begin, color=color, height=0.3))
             labels.append(f"{name} {share:.0f}")
             begin += share
-        # Below the bar, not in it: a part may be narrower than its name.
+        # The legend is below the bar, because a part may be narrower than its name.
         names = Legend(
             axis, bars, labels, loc="upper left", bbox_to_anchor=(0, place + 0.25), bbox_transform=axis.transData,
             ncols=3, fontsize=9, frameon=False, handlelength=0.9, columnspacing=1.5, borderpad=0, borderaxespad=0,

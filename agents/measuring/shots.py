@@ -1,7 +1,7 @@
-"""Shots, as the game reports them: who touched the puck, who sent it over the centre line, and what became of it.
+"""Detect shots from what the game reports: who touched the puck, who sent it over the centre line, and the result.
 
-Nothing here knows physics. Touches and walls are the engine's contacts; and where a shot would have gone is answered by
-the engine, which plays it on without paddles.
+There is no physics here. Touches of paddles and walls are the engine's contacts, and the engine also computes where a
+shot would have gone, by simulating it without paddles.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from airhockey_env.tables import TableSpec
 SHOT = np.dtype(
     [
         ("shooter", np.int8),  # LEFT or RIGHT
-        ("start", STATE),  # the table at the end of the step of the shooter's last touch
-        ("banked", np.bool_),  # a wall was touched between that touch and that end
-        ("touched", np.bool_),  # by the other player, before it was over
+        ("start", STATE),  # state at the end of the step of the shooter's last touch
+        ("banked", np.bool_),  # a wall was touched between that touch and the end of the step
+        ("touched", np.bool_),  # the other player touched the puck before the shot was over
         ("scored", np.bool_),
     ]
 )
-"""A puck that came to the far half and was last touched by the player who shoots at that end. It is over when the puck
-comes back over the centre line or to the shooter's paddle, with a goal, or with a foul."""
+"""A shot starts when the puck enters the far half, last touched by the player that shoots at that end. It ends when the
+puck returns over the centre line or to the shooter's paddle, with a goal, or with a foul."""
 
 FORWARD = np.array([1, -1])
 """The end of the table at which each player shoots."""
@@ -33,20 +33,20 @@ FORWARD = np.array([1, -1])
 NOBODY = -1
 
 PIN = 1e-6
-"""m. The radius of paddles that are out of the way."""
+"""m. Radius of the paddles when shots are simulated without them."""
 
 
 class Recorder:
-    """Looks on while games are played, and counts for both players.
+    """Observes a game and counts for both players. Arrays of shape (2,) are indexed by LEFT and RIGHT.
 
-    Attributes: of LEFT and RIGHT each, but for the first three
-        shots: (n,) of `SHOT`, in the order in which they were over. Those that time cut off are left out.
-        steps: of play.
-        goals: all of them.
+    Attributes:
+        shots: (n,) of `SHOT`, in the order in which they ended. Shots cut off by the time limit are not included.
+        steps: number of steps of play.
+        goals: number of goals of both players.
         zone: (2,) steps that ended with the puck on the player's far half.
-        possession: (2,) steps that ended with it on the near half, last touched by the player.
-        fouls: (2,) times that the player's shot clock ran out.
-        own_goals: (2,) goals against, last touched by the player itself.
+        possession: (2,) steps that ended with the puck on the near half, last touched by the player.
+        fouls: (2,) how often the player's shot clock ran out.
+        own_goals: (2,) goals against the player, last touched by the player itself.
     """
 
     def __init__(self, game: Game) -> None:
@@ -54,11 +54,11 @@ class Recorder:
         self._game = game
         self._side = game.side
         self._speed = game.velocities[:, PUCK, 0]  # along the table
-        self._last = np.full(n, NOBODY, np.int8)  # who touched the puck last, since the serve
+        self._last = np.full(n, NOBODY, np.int8)  # the player that touched the puck last since the serve
         self._banked = np.zeros(n, np.bool_)  # a wall was touched after that
-        self._live = np.zeros(n, SHOT)  # the shot under way
+        self._live = np.zeros(n, SHOT)  # the current shot
         self._live["shooter"] = NOBODY
-        self._start = np.zeros(n, STATE)  # of a shot, if the last touch becomes one
+        self._start = np.zeros(n, STATE)  # start of the shot, if the last touch becomes one
         self._start_banked = np.zeros(n, np.bool_)
         self._over: list[NDArray[np.void]] = []
         self.steps = self.goals = 0
@@ -69,22 +69,22 @@ class Recorder:
         return np.concatenate(self._over) if self._over else np.zeros(0, SHOT)
 
     def note(self, running: NDArray[np.bool_]) -> None:
-        """Note a step that the tables of the mask (N,) have played."""
+        """Record a step that the tables of the mask (N,) have played."""
         states, out = self._game.states, self._game.out
         goal = np.where(running, out.point, 0)  # +1: in the goal at +x
         changed = running & (goal == 0) & (states["side"] != self._side)
-        foul = changed & out.foul  # and the other side has been served the puck
+        foul = changed & out.foul  # the puck was given to the other side
         crossed = changed & ~foul
         fresh = self._note_contacts(np.flatnonzero(running & (out.n_contacts > 0)), kept=~foul)
 
         live = self._live["shooter"]
-        again = fresh & (live == self._last)  # the shooter reaches the puck over the line
-        self._end(again & (self._speed * FORWARD[live] < 0.0))  # it had come back; otherwise it had not been shot yet
+        again = fresh & (live == self._last)  # the shooter touches the puck beyond the centre line
+        self._end(again & (self._speed * FORWARD[live] < 0.0))  # it was coming back; otherwise the shot starts only now
         again &= live == self._last
         self._begin(again)
         back = crossed & (live != NOBODY) & (states["side"] != FORWARD[live])
         self._end(back)
-        # A paddle reaches a little over the line, too.
+        # A paddle can also reach a little over the line.
         sent = (crossed | (fresh & (goal == 0))) & (states["side"] == FORWARD[self._last]) & (live != self._last)
         sent &= self._last != NOBODY
         self._begin(sent)
@@ -107,9 +107,14 @@ class Recorder:
         self._speed = states["velocity"][:, PUCK, 0].copy()
 
     def _note_contacts(self, rows: NDArray[np.int64], kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Go through the contacts of the step on some tables; `kept` (N,): what follows is not a new serve.
+        """Process the contacts of the step on the given tables.
 
-        Returns: (N,) whether a paddle touched the puck and play goes on.
+        Args:
+            rows: numbers of the tables that had contacts.
+            kept: (N,) whether play continues without a new serve.
+
+        Returns:
+            (N,) whether a paddle touched the puck and play continues.
         """
         contacts = self._game.out.contacts
         fresh = np.zeros(len(self._last), np.bool_)
@@ -143,34 +148,34 @@ class Recorder:
 
 
 def is_bank(contacts: NDArray[np.void], forward: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether contacts of the puck are with a wall other than the one at the end `forward`, or a post."""
+    """Whether contacts of the puck are with a wall, except the end wall at `forward`; posts do not count."""
     straight = (np.abs(contacts["nx"]) == 1.0) | (np.abs(contacts["ny"]) == 1.0)  # normals of walls are exact
     return (contacts["b"] < 0) & straight & ~is_far_end(contacts, forward)
 
 
 def is_far_end(contacts: NDArray[np.void], forward: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether contacts of the puck are with the wall at the end `forward`."""
+    """Whether contacts of the puck are with the end wall at `forward`."""
     return (contacts["b"] < 0) & (contacts["nx"] == -forward)
 
 
 @dataclasses.dataclass(frozen=True)
 class Courses:
-    """Where shots go if nobody touches them; all (n,)."""
+    """Where shots go if nobody touches them; all arrays are (n,)."""
 
-    on_target: NDArray[np.bool_]  # into the goal
-    bank: NDArray[np.bool_]  # off a wall before they come to the far end
-    arrives: NDArray[np.float64]  # m, y of the puck at the far end; NaN if it never comes there
-    passes: NDArray[np.float64]  # m, y of the puck when it first passes a line across the table; NaN if it does not
+    on_target: NDArray[np.bool_]  # whether they enter the goal
+    bank: NDArray[np.bool_]  # whether they touch a wall before they reach the far end
+    arrives: NDArray[np.float64]  # m, y of the puck at the far end; NaN if it never gets there
+    passes: NDArray[np.float64]  # m, y of the puck when it first crosses a line across the table; NaN if it does not
 
 
 def play_on(
     shots: NDArray[np.void], spec: TableSpec, control_hz: float, line: NDArray[np.float64] | None = None
 ) -> Courses:
-    """Let the engine play shots on, without paddles, until they come to the far end or back, or seven seconds passed.
+    """Simulate shots without paddles until they reach the far end, come back, or seven seconds have passed.
 
     Args:
         shots: (n,) of `SHOT`.
-        spec, control_hz: of the game in which they were shot.
+        spec, control_hz: those of the game in which the shots were made.
         line: (n,) m, x of the line for `passes`.
     """
     n = len(shots)

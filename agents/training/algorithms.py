@@ -22,10 +22,9 @@ from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckA
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecMonitor, VecTransposeImage
 
-from agents.counts import Count, OptionalCount
 from agents.files import COUNT, NUMBER, read_json, write_json
 from agents.measuring.evaluation import CONTROL_HZ, wilson_interval
-from agents.options import check_ranges, check_resumed
+from agents.options import Count, OptionalCount, check_ranges, check_resumed
 from agents.seeding import table_seeds
 from agents.training.algorithms_report import draw_run, print_run
 from agents.training.learning import ProgressBar, learning, seed_learning, seed_tables

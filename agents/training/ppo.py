@@ -15,12 +15,11 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 from stable_baselines3.common.vec_env import VecMonitor
 
-from agents.counts import Count, OptionalCount
 from agents.features import RelativeFeatures
 from agents.files import write_json
 from agents.measuring.evaluation import OPPONENTS, play_points
 from agents.models import export_policy
-from agents.options import check_ranges, check_resumed, check_table
+from agents.options import Count, OptionalCount, check_ranges, check_resumed, check_table
 from agents.sb3_files import read_model
 from agents.training.league import League
 from agents.training.learning import ProgressBar, learning, seed_learning

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from agents.counts import Count, OptionalCount
-from agents.options import check_ranges
+from agents.options import Count, OptionalCount, check_ranges
 from agents.training.league import League
 from agents.training.ppo import TrainArgs
 

@@ -1,1 +1,1 @@
-"""Pictures: the rasteriser, pixel observations, the renderer and a window."""
+"""Drawing: the rasterizer, pixel observations, the renderer and a window."""

@@ -1,18 +1,17 @@
-"""Pixel observations: 84 x 84 pictures of what a state observation shows, for a whole batch at once.
+"""Pixel observations: 84 x 84 pictures of the state, drawn for a whole batch at once.
 
-A picture is drawn from a row of state observations, so that it shows the same thing by construction: the player's own
-side on the left (the right-hand player's table is turned by 180 degrees) and colours that belong to "own" and "other",
-not to left and right. One policy plays both sides. Velocities are in no single picture: stack frames.
+A picture is drawn from a row of state observations, so it shows the same things: the player's own side is on the left
+(for the right-hand player the table is turned by 180 degrees), and colours mean "own" and "other", not left and right.
+One policy can therefore play both sides. A single picture does not show velocities, so stack several frames.
 
-The table fills the picture, so that it looks shorter than it is: a pixel is about twice as long along the table as
-across it, which doubles the detail across. Discs are stretched with the table (touching looks like touching), and
-drawn with radii of at least `SMALLEST_RADIUS`, so that a small puck does not fall between pixels. The bar above the
-table is the shot clock: it grows from the middle towards the side that the puck is on, in that player's colour, and is
-full at the foul. The grey levels of surface, players and puck are far apart, so that grayscale loses nothing; the
-ground is dark, so that what matters is bright.
+The table fills the picture and looks shorter than it is: a pixel is about twice as long along the table as across it,
+which doubles the resolution across. Discs are stretched with the table, so that discs that touch appear to touch. Their
+radii are at least `SMALLEST_RADIUS`, so that a small puck does not fall between pixels. The bar above the table is the
+shot clock: it grows from the middle towards the side that the puck is on, in that player's colour, and is full when the
+foul is called. The grey levels of surface, players and puck differ clearly, so grayscale pictures lose no information.
 
-Walls look the same whatever the table's size, as in a state observation: what else differs between tables (goals and
-discs) is drawn from each table's own `PHYSICS`.
+Like a state observation, a picture is scaled to the table, so walls look the same whatever its size. Goals and discs
+are drawn from each table's own `PARAMETERS`.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from airhockey_env.drawing.raster import blend, ellipse, span
 from airhockey_env.kernel.state import LEFT, PUCK
 
 CHANNELS = {"rgb": 3, "grayscale": 1}
-"""The kinds of pixel observations and their colour channels."""
+"""Number of colour channels of each kind of pixel observation."""
 
 SIZE = 84
 """Width and height of a picture, px."""
@@ -45,7 +44,7 @@ Color = tuple[int, ...]
 
 
 class Palette(NamedTuple):
-    """Colours, each with as many channels as the picture."""
+    """Colours, each with as many channels as the picture has."""
 
     room: Color
     rail: Color
@@ -76,7 +75,7 @@ RGB = Palette(
 
 
 def palette(kind: str) -> Palette:
-    """The colours of a kind of pictures; grey is the luma of ITU-R BT.601."""
+    """The palette of a kind of pixel observation; grey is the luma of ITU-R BT.601."""
     if kind == "rgb":
         return RGB
     return Palette(*((round(0.299 * red + 0.587 * green + 0.114 * blue),) for red, green, blue in RGB))
@@ -84,7 +83,7 @@ def palette(kind: str) -> Palette:
 
 @compiled
 def rectangle(image, left, top, right, bottom, color):
-    """Fill an upright rectangle, px: each pixel by the share of its area that is covered. See `raster`."""
+    """Fill an axis-aligned rectangle, px; a pixel is blended by the share of its area that is covered."""
     first_row, last_row = span(top, bottom, image.shape[0])
     first_column, last_column = span(left, right, image.shape[1])
     for row in range(first_row, last_row):
@@ -95,26 +94,26 @@ def rectangle(image, left, top, right, bottom, color):
 
 
 @compiled
-def draw_goals(image, law, colors):
-    """Open the end rails, by the table's goal width, and paint each goal in its player's colour."""
-    half = law.half_goal * law.per_y * HALF_Y
+def draw_goals(image, params, colors):
+    """Draw both goals into the end rails, as wide as the table's goals, in the colours of their players."""
+    half = params.half_goal * params.per_y * HALF_Y
     rectangle(image, 0.0, CENTRE_Y - half, CENTRE_X - HALF_X, CENTRE_Y + half, colors.own_goal)
     rectangle(image, CENTRE_X + HALF_X, CENTRE_Y - half, float(SIZE), CENTRE_Y + half, colors.other_goal)
 
 
 @compiled
-def draw_disc(image, x, y, radius, law, color):
-    """Draw a paddle or the puck: x and y as in an observation, the radius in m."""
-    radius_x = max(radius * law.per_x * HALF_X, SMALLEST_RADIUS)
-    radius_y = max(radius * law.per_y * HALF_Y, SMALLEST_RADIUS)
+def draw_disc(image, x, y, radius, params, color):
+    """Draw a paddle or the puck. x and y are as in an observation, the radius is in m."""
+    radius_x = max(radius * params.per_x * HALF_X, SMALLEST_RADIUS)
+    radius_y = max(radius * params.per_y * HALF_Y, SMALLEST_RADIUS)
     ellipse(image, CENTRE_X + x * HALF_X, CENTRE_Y - y * HALF_Y, radius_x, radius_y, 1.0, color, 1.0)
 
 
 @compiled
 def draw_clock(image, used, colors):
-    """Draw the shot clock: `used` as in an observation."""
+    """Draw the shot clock. `used` is as in an observation."""
     reach = CENTRE_X - used * HALF_X
-    # While the puck is on the own side, left of the middle, the observation is positive.
+    # The observation is positive while the puck is on the player's own side, to the left of the middle.
     if used > 0.0:
         rectangle(image, reach, CLOCK_TOP, CENTRE_X, CLOCK_BOTTOM, colors.own_clock)
     elif used < 0.0:
@@ -122,36 +121,36 @@ def draw_clock(image, used, colors):
 
 
 @compiled
-def draw_rows(first, last, observations, physics, background, colors, frames):
+def draw_rows(first, last, observations, parameters, background, colors, frames):
     """Draw the pictures `first` to `last` (excluded).
 
     Args:
         observations: (N, 13) float32, state observations.
-        physics: (1,) or (N,) `PHYSICS`.
-        background: what stays, uint8, flat; with the goals if there is one record of `physics`.
+        parameters: (1,) or (N,) `PARAMETERS`.
+        background: flat uint8 array of the static part; includes the goals if there is one record of `parameters`.
         colors: `Palette` of C channels.
         frames: (N, SIZE, SIZE, C) uint8, contiguous; written in place.
     """
-    own_physics = physics.shape[0] > 1
-    # A flat copy: assigning slices of images takes many times as long.
+    own_parameters = parameters.shape[0] > 1
+    # Copy element by element through a flat view: assigning slices of images takes many times as long.
     flat = frames.reshape(frames.shape[0], background.shape[0])
     for i in range(first, last):
-        law = physics[i if own_physics else 0]
+        params = parameters[i if own_parameters else 0]
         for k in range(background.shape[0]):
             flat[i, k] = background[k]
         image = frames[i]
-        if own_physics:
-            draw_goals(image, law, colors)
-        # As float64: plain Python would go on in the single precision of the observation, compiled code would not.
+        if own_parameters:
+            draw_goals(image, params, colors)
+        # Convert to float64: plain Python would stay in the observation's single precision, compiled code would not.
         seen = observations[i]
         draw_clock(image, float(seen[12]), colors)
-        draw_disc(image, float(seen[4]), float(seen[5]), law.radius[LEFT], law, colors.other)
-        draw_disc(image, float(seen[0]), float(seen[1]), law.radius[LEFT], law, colors.own)
-        draw_disc(image, float(seen[8]), float(seen[9]), law.radius[PUCK], law, colors.puck)
+        draw_disc(image, float(seen[4]), float(seen[5]), params.radius[LEFT], params, colors.other)
+        draw_disc(image, float(seen[0]), float(seen[1]), params.radius[LEFT], params, colors.own)
+        draw_disc(image, float(seen[8]), float(seen[9]), params.radius[PUCK], params, colors.puck)
 
 
 def draw_background(kind: str) -> NDArray[np.uint8]:
-    """What all tables have in common: (SIZE, SIZE, C) uint8."""
+    """Draw what all tables have in common, (SIZE, SIZE, C) uint8."""
     colors = palette(kind)
     image = np.empty((SIZE, SIZE, CHANNELS[kind]), np.uint8)
     image[:] = colors.room
@@ -168,14 +167,14 @@ def draw_background(kind: str) -> NDArray[np.uint8]:
 
 
 class Pixels:
-    """Draws pictures of a batch from its state observations.
+    """Draws pictures for a batch from its state observations.
 
     Args:
         kind: a key of `CHANNELS`.
     """
 
     KEPT = 4
-    """Most arrays that are kept to be used again: those of both players, while the caller holds the last ones."""
+    """Most arrays kept for reuse: enough for both players while the caller still holds the previous ones."""
 
     def __init__(self, kind: str) -> None:
         self.kind = kind
@@ -186,17 +185,17 @@ class Pixels:
         self._kept: list[NDArray[np.uint8]] = []
 
     def blank(self, count: int, again: bool = False) -> NDArray[np.uint8]:
-        """An array (count, SIZE, SIZE, C) to draw into and then to hand out, with undefined contents.
+        """Return an array (count, SIZE, SIZE, C) with undefined contents, to draw into and to return to the caller.
 
-        With `again`, it may be an earlier one that nothing outside refers to any more: for a large batch, the system
-        takes as long to provide fresh memory as drawing takes.
+        With `again`, it may be an earlier array that nothing else refers to any more. For a large batch, allocating new
+        memory takes as long as drawing.
         """
         shape = (count, SIZE, SIZE, CHANNELS[self.kind])
         if not again:
             return np.empty(shape, np.uint8)
         kept = self._kept
         for k in range(len(kept)):
-            # A view refers to its array, too. 2: the list, and the argument of the call itself.
+            # Views also hold a reference. The count of 2 is the list and the argument of the call itself.
             if len(kept[k]) == count and sys.getrefcount(kept[k]) == 2:
                 kept.append(kept.pop(k))
                 return kept[-1]
@@ -204,14 +203,14 @@ class Pixels:
         del kept[: -self.KEPT]
         return kept[-1]
 
-    def background(self, physics: NDArray[np.void]) -> NDArray[np.uint8]:
-        """What stays on all tables of `physics`, (1,) or (N,): with the goals, if there is one record for all."""
-        if len(physics) > 1:
+    def background(self, parameters: NDArray[np.void]) -> NDArray[np.uint8]:
+        """The static part of the pictures for `parameters`, (1,) or (N,); with the goals if there is one record."""
+        if len(parameters) > 1:
             return self._plain
-        goal = float(physics["half_goal"][0] * physics["per_y"][0])
+        goal = float(parameters["half_goal"][0] * parameters["per_y"][0])
         if goal != self._goal:
             self._with_goals, self._goal = self._plain.copy(), goal
-            draw_goals(self._with_goals, physics[0], self._colors)
+            draw_goals(self._with_goals, parameters[0], self._colors)
         return self._with_goals
 
     def draw(
@@ -219,15 +218,15 @@ class Pixels:
         first: int,
         last: int,
         observations: NDArray[np.float32],
-        physics: NDArray[np.void],
+        parameters: NDArray[np.void],
         background: NDArray[np.uint8],
         frames: NDArray[np.uint8],
     ) -> None:
-        """Draw the pictures `first` to `last` (excluded) of state observations (N, 13) over a background into `frames`.
+        """Draw pictures `first` to `last` (excluded) of state observations (N, 13) on a background into `frames`.
 
-        Several threads may draw parts of the same frames.
+        Several threads may draw different parts of the same frames.
         """
-        draw_rows(first, last, observations, physics, background.reshape(-1), self._colors, frames)
+        draw_rows(first, last, observations, parameters, background.reshape(-1), self._colors, frames)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_kept": []}

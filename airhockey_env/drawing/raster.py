@@ -1,17 +1,18 @@
 """Anti-aliased drawing on plain arrays: discs, rings, strokes and rounded rectangles.
 
-Every shape is a signed distance (pixels, negative inside) that becomes a coverage and is blended onto the image in
-place, within the shape's bounding box only: a still background can be prepared once, and what moves drawn over a copy.
+A shape is a signed distance in pixels (negative inside), which is converted to coverage and blended onto the image in
+place. Only the shape's bounding box is visited, so a static background can be prepared once and moving parts drawn onto
+a copy.
 
 All functions share these arguments:
-    image: uint8 (H, W, C), changed in place; shapes may lie partly or wholly outside. Draw into a view to clip.
-    coordinates: x to the right and y down, in pixels, pixel (row, column) being the square from (column, row) to
-        (column + 1, row + 1). Finite; radii and widths greater than 0.
-    softness: width of the edge in pixels, 1 for a crisp anti-aliased one, more for shadows and glows.
+    image: uint8 (H, W, C), changed in place; shapes may lie partly or completely outside. Draw into a view to clip.
+    coordinates: x to the right and y down, in pixels. Pixel (row, column) is the square from (column, row) to
+        (column + 1, row + 1). Coordinates are finite; radii and widths are greater than 0.
+    softness: width of the edge in pixels: 1 for a crisp anti-aliased edge, more for shadows and glows.
     color: tuple of C integers, 0 to 255.
     alpha: opacity, 0 to 1.
 
-Nothing is checked: this is the room beneath `airhockey_env.drawing.render`, and it is called from compiled code too.
+Arguments are not checked, because these functions are only called by this package and also from compiled code.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ TINY = 1e-12
 
 @compiled
 def coverage(distance, softness):
-    """Share of a pixel that is inside, 0 to 1, from the signed distance of its centre to the edge."""
+    """Share of a pixel that is inside a shape, 0 to 1, from the signed distance of its centre to the edge."""
     return min(max(0.5 - distance / softness, 0.0), 1.0)
 
 
@@ -42,8 +43,8 @@ def blend(image, row, column, color, alpha):
 
 @compiled
 def span(low, high, limit):
-    """First and one-past-last pixel, within 0 to `limit`, of those that the interval [low, high] touches."""
-    # Clipped while still floating point: a far-away coordinate need not fit an integer.
+    """First and one-past-last pixel that the interval [low, high] touches, clipped to 0 to `limit`."""
+    # Clip before converting: a distant coordinate may not fit into an integer.
     first = math.floor(min(max(low, 0.0), limit))
     last = math.ceil(min(max(high, 0.0), limit))
     return int(first), int(last)
@@ -70,7 +71,7 @@ def disc(image, x, y, radius, softness, color, alpha):
 
 @inlined
 def ellipse(image, x, y, radius_x, radius_y, softness, color, alpha):
-    """Fill an upright ellipse; see the module for the arguments."""
+    """Fill an axis-aligned ellipse; see the module for the arguments."""
     reach_x, reach_y = radius_x + 0.5 * softness, radius_y + 0.5 * softness
     top, bottom = span(y - reach_y, y + reach_y, image.shape[0])
     left, right = span(x - reach_x, x + reach_x, image.shape[1])
@@ -80,8 +81,8 @@ def ellipse(image, x, y, radius_x, radius_y, softness, color, alpha):
         level_y, slope_y = dy * dy * per_y, (dy * per_y) * (dy * per_y)
         for column in range(left, right):
             dx = column + 0.5 - x
-            # The square of a level that is 1 on the rim. What is missing from 1, divided by the slope, is the
-            # distance: exact on the axes and close to it near the rim. (The very centre has no slope.)
+            # `level` is the square of a function that is 1 on the rim. Its difference to 1 divided by its slope is
+            # the distance: exact on the axes and accurate near the rim. (At the centre the slope is 0.)
             level = dx * dx * per_x + level_y
             slope = math.sqrt((dx * per_x) * (dx * per_x) + slope_y + TINY)
             blend(image, row, column, color, alpha * coverage((level - math.sqrt(level)) / slope, softness))
@@ -89,7 +90,7 @@ def ellipse(image, x, y, radius_x, radius_y, softness, color, alpha):
 
 @compiled
 def ring(image, x, y, radius, width, softness, color, alpha):
-    """Draw a circle's line: `width` pixels wide, its middle at `radius`."""
+    """Draw the outline of a circle, `width` pixels wide and centred on `radius`."""
     reach = radius + 0.5 * (width + softness)
     top, bottom = span(y - reach, y + reach, image.shape[0])
     left, right = span(x - reach, x + reach, image.shape[1])
@@ -104,7 +105,7 @@ def ring(image, x, y, radius, width, softness, color, alpha):
 
 @compiled
 def segment_distance_squared(x, y, x0, y0, x1, y1):
-    """Squared distance of a point to the line segment from (x0, y0) to (x1, y1), which may be a single point."""
+    """Squared distance from a point to the line segment from (x0, y0) to (x1, y1), which may be a single point."""
     along_x, along_y = x1 - x0, y1 - y0
     squared = along_x * along_x + along_y * along_y
     share = 0.0
@@ -116,9 +117,9 @@ def segment_distance_squared(x, y, x0, y0, x1, y1):
 
 @compiled
 def stroke(image, points, width, softness, color, alpha):
-    """Draw a line `width` pixels wide with round ends and joints through `points`, float64 (K, 2), K at least 2.
+    """Draw a line through `points`, float64 (K, 2) with K >= 2, `width` pixels wide with round ends and joints.
 
-    It is blended as one shape, so a see-through stroke is no darker where its segments meet or cross.
+    It is blended as one shape, so a transparent stroke is not darker where its segments meet or cross.
     """
     reach = 0.5 * (width + softness)
     top, bottom = span(points[:, 1].min() - reach, points[:, 1].max() + reach, image.shape[0])
@@ -138,7 +139,7 @@ def stroke(image, points, width, softness, color, alpha):
 
 @compiled
 def box_distance(x, y, left, top, right, bottom, corner):
-    """Signed distance to an upright rectangle whose corners are rounded with the radius `corner`."""
+    """Signed distance to an axis-aligned rectangle whose corners are rounded with the radius `corner`."""
     dx = abs(x - 0.5 * (left + right)) - 0.5 * (right - left) + corner
     dy = abs(y - 0.5 * (top + bottom)) - 0.5 * (bottom - top) + corner
     if dx > 0.0 and dy > 0.0:
@@ -148,11 +149,11 @@ def box_distance(x, y, left, top, right, bottom, corner):
 
 @compiled
 def box(image, left, top, right, bottom, corner, softness, color, alpha):
-    """Fill an upright rectangle with corners of radius `corner`, from 0 to half its smaller side."""
+    """Fill an axis-aligned rectangle with corners of radius `corner`, from 0 to half its smaller side."""
     reach = 0.5 * softness
     first_row, last_row = span(top - reach, bottom + reach, image.shape[0])
     first_column, last_column = span(left - reach, right + reach, image.shape[1])
-    # The part far from every edge, most of a large box, needs no distances.
+    # The inner part, most of a large box, is far from every edge and needs no distances.
     inset = corner + reach + 1.0
     core_top, core_bottom = span(top + inset, bottom - inset, image.shape[0])
     core_left, core_right = span(left + inset, right - inset, image.shape[1])

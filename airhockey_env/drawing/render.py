@@ -1,28 +1,27 @@
-"""Pictures of a table: the look of the game, drawn with `airhockey_env.drawing.raster`.
+"""Rendering: pictures of a table for people, drawn with `airhockey_env.drawing.raster`.
 
-Light falls from the top of the picture, so that the left half of a scene is drawn as the mirror image of the right.
+Light comes from the top of the picture, so that the left half of a scene is the mirror image of the right half.
 """
 
 from __future__ import annotations
 
 import functools
 import math
-import operator
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from airhockey_env.checks import as_array, check_number, check_whole_pair, fault
 from airhockey_env.drawing import raster
 from airhockey_env.drawing.palette import COLORS, Color
-from airhockey_env.real_numbers import as_float, shown
 from airhockey_env.tables import TableSpec
 
 DEFAULT_WIDTH = 960
-"""Width of a picture whose size is left to us, px."""
+"""Width of a picture if no size is given, px."""
 SMALLEST, LARGEST = 32, 8192
-"""Smallest width and height of a picture, px."""
+"""Smallest and largest width and height of a picture, px."""
 
-# Sizes of what a `TableSpec` does not fix, m.
+# Sizes that a `TableSpec` does not define, m.
 RAIL_WIDTH = 0.10
 ROOM_WIDTH = 0.04
 LIP_WIDTH = 0.012
@@ -33,26 +32,26 @@ LINE_WIDTH = 0.008
 HOLE_SPACING, HOLE_RADIUS = 0.05, 0.0036
 CENTRE_CIRCLE, CENTRE_SPOT = 0.16, 0.018
 CREASE_MARGIN = 0.09
-"""How far a crease reaches beyond the posts."""
+"""How far a crease extends beyond the posts, m."""
 DIGIT_HEIGHT, DIGIT_STROKE = 0.052, 0.0115
 CLOCK_LENGTH, CLOCK_WIDTH = 0.28, 0.018
 SCORE_GAP = 0.345
-"""From the middle of the upper rail to the nearer edge of either number."""
+"""Distance from the middle of the upper rail to the nearer edge of either score, m."""
 
-# Details are left out where they would be smaller than this, px.
+# Details that would be smaller than this are omitted, px.
 SMALLEST_DIGIT = 5.0
 SMALLEST_HOLE_SPACING = 8.0
 SMALLEST_DETAILED = 4.0
-"""Radius of a piece, px, below which only its first `PLAIN_LAYERS` are drawn."""
+"""Radius of a disc, px, below which only its first `PLAIN_LAYERS` layers are drawn."""
 PLAIN_LAYERS = 3
 
 
 class Layer(NamedTuple):
-    """One disc of the stack that makes up a piece; lengths are shares of the piece's radius."""
+    """One layer of a drawn disc; lengths are in units of the disc's radius."""
 
     radius: float
     down: float
-    """Shift towards the bottom of the picture: away from the light."""
+    """Shift towards the bottom of the picture, away from the light."""
     softness: float
     color: Color
     alpha: float
@@ -113,46 +112,16 @@ def _mix(start: Color, stop: Color, share: float) -> Color:
     return red, green, blue
 
 
-def _pixel_size(value: Any) -> tuple[int, int]:
-    """Return `render_size` as two ints, or raise the ValueError that `Renderer` documents."""
-    problem = (
-        f"render_size must be two ints (width, height), each at most {LARGEST} and at least {SMALLEST} px, "
-        f"got {shown(value)}"
-    )
-    try:
-        width, height = value
-        if isinstance(width, bool) or isinstance(height, bool):
-            raise TypeError
-        width, height = operator.index(width), operator.index(height)
-    except (TypeError, ValueError):
-        raise ValueError(problem) from None
-    if min(width, height) < SMALLEST or max(width, height) > LARGEST:
-        raise ValueError(problem)
-    return width, height
-
-
-def _points(value: Any) -> tuple[int, int]:
-    """Return a score as two ints, or raise the ValueError that `Renderer.draw` documents."""
-    try:
-        left, right = value
-        left, right = operator.index(left), operator.index(right)
-    except (TypeError, ValueError):
-        left = right = -1
-    if min(left, right) < 0:
-        raise ValueError(f"score must be two ints from 0 (left, right), got {shown(value)}")
-    return left, right
-
-
 class Renderer:
-    """Draws a table seen from above: left goal on the left, y up.
+    """Draws a table from above, with the left goal on the left and y pointing up.
 
-    The table keeps its proportions; what is left of the picture is plain. Small pictures leave out the score, the
-    clock and the finest details. The same arguments give the same picture to the bit.
+    The table keeps its proportions, and the rest of the picture is plain. Small pictures omit the score, the clock and
+    the finest details. The same arguments give the same picture to the bit.
 
     Args:
-        table: what to draw.
-        size: (width, height) of the pictures in px, each from 32 to 8192. None: 960 px wide and as high as fits the
-            table.
+        table: the table to draw.
+        size: (width, height) of the pictures in px, each from 32 to 8192. None: 960 px wide, with the height that fits
+            the table.
 
     Raises:
         ValueError: `size` (called `render_size`, its name in the environments) is not two ints from 32 to 8192.
@@ -161,63 +130,58 @@ class Renderer:
     size: tuple[int, int]
     """(width, height) of the pictures, px."""
     scale: float
-    """Pixels a metre."""
+    """Pixels per metre."""
 
     def __init__(self, table: TableSpec, size: tuple[int, int] | None = None) -> None:
         self.table = table
         around = 2.0 * (RAIL_WIDTH + ROOM_WIDTH)
         length, width = table.length + around, table.width + around
         if size is None:
-            # A multiple of 8, because video codecs like that.
+            # A multiple of 8, which video codecs prefer.
             size = (DEFAULT_WIDTH, max(SMALLEST, 8 * round(DEFAULT_WIDTH * width / length / 8.0)))
-        self.size = _pixel_size(size)
+        self.size = check_whole_pair("render_size", size, SMALLEST, LARGEST)
         self.scale = min(self.size[0] / length, self.size[1] / width)
         self._board: tuple[int, int] | None = None
         self._scored: np.ndarray | None = None
 
     def draw(self, positions: Any, score: tuple[int, int] = (0, 0), clock: float = 0.0) -> np.ndarray:
-        """Draw one moment of a game.
+        """Draw the table at one moment.
 
         Args:
-            positions: (3, 2), m, finite: left paddle, right paddle and puck; the table is centred on the origin.
-            score: points of the left and of the right player, ints from 0.
-            clock: share of the shot clock that is used up, 0 to 1, negative while the puck is on the left side.
+            positions: (3, 2), m, finite: left paddle, right paddle and puck. The table is centred on the origin.
+            score: points of the left and of the right player, ints, 0 or more.
+            clock: share of the shot clock that is used up, 0 to 1; negative while the puck is on the left side.
 
         Returns:
-            A new uint8 array (height, width, 3), red, green, blue.
+            A new uint8 array (height, width, 3): red, green, blue.
 
         Raises:
-            ValueError: an argument is not as described; the message names it and what was given.
+            ValueError: an argument is not as described. The message names it and says what was given.
         """
-        try:
-            places = np.asarray(positions, dtype=np.float64)
-        except (OverflowError, TypeError, ValueError):
-            places = np.empty(0)
-        if places.shape != (3, 2) or not np.isfinite(places).all():
-            raise ValueError(f"positions must be finite and of shape (3, 2), got {shown(positions)}")
-        used = as_float(clock)
-        if used is None or not -1.0 <= used <= 1.0:
-            raise ValueError(f"clock must be from -1 to 1, got {shown(clock)}")
-        points = _points(score)
+        places = as_array(positions)
+        if places is None or places.shape != (3, 2) or not np.isfinite(places).all():
+            raise fault("positions", "finite numbers of shape (3, 2)", positions)
+        clock = check_number("clock", clock, -1, 1)
+        points = check_whole_pair("score", score, 0)
         # The score changes rarely: it is part of the cached picture.
         if self._scored is None or points != self._board:
             self._scored, self._board = self._draw_score(points), points
         image = self._scored.copy()
-        self._draw_clock(image, float(clock))
+        self._draw_clock(image, clock)
         self._draw_piece(image, places[2], self.table.puck_radius, PUCK_LAYERS)
         self._draw_piece(image, places[0], self.table.paddle_radius, LEFT_MALLET)
         self._draw_piece(image, places[1], self.table.paddle_radius, RIGHT_MALLET)
         return image
 
     def to_picture(self, x: float, y: float) -> tuple[float, float]:
-        """Where a point of the table, m, is in the picture, px from its top left corner."""
+        """Convert a point on the table, m, to the picture, px from the top left corner."""
         return 0.5 * self.size[0] + x * self.scale, 0.5 * self.size[1] - y * self.scale
 
     def to_table(self, x: float, y: float) -> tuple[float, float]:
-        """Which point of the table, m, a point of the picture shows, px from its top left corner."""
+        """Convert a point of the picture, px from the top left corner, to the table, m."""
         return (x - 0.5 * self.size[0]) / self.scale, (0.5 * self.size[1] - y) / self.scale
 
-    # What moves
+    # Moving parts
 
     def _draw_piece(self, image: np.ndarray, place: np.ndarray, radius: float, layers: tuple[Layer, ...]) -> None:
         x, y = self.to_picture(float(place[0]), float(place[1]))
@@ -229,7 +193,7 @@ class Renderer:
             raster.disc(image, x, y + layer.down * radius, layer.radius * radius, softness, layer.color, layer.alpha)
 
     def _draw_clock(self, image: np.ndarray, clock: float) -> None:
-        """Fill the clock's track from its middle towards the side that the puck is on."""
+        """Fill the track of the clock from its middle towards the side that the puck is on."""
         if self._digit_height() < SMALLEST_DIGIT or clock == 0.0:
             return
         used = abs(clock)
@@ -242,7 +206,7 @@ class Renderer:
         stop = self.to_picture(share * CLOCK_LENGTH, self._rail_middle())
         raster.stroke(image, np.array([start, stop]), width * self.scale, 1.0, color, 1.0)
 
-    # What stays
+    # Static parts
 
     def _rail_middle(self) -> float:
         return 0.5 * self.table.width + LIP_WIDTH + 0.5 * (RAIL_WIDTH - LIP_WIDTH)
@@ -251,7 +215,7 @@ class Renderer:
         return DIGIT_HEIGHT * self.scale
 
     def _draw_score(self, score: tuple[int, int]) -> np.ndarray:
-        """The background with the score on its upper rail, each player's in their colour."""
+        """Return a copy of the background with the score on the upper rail, in the colours of the players."""
         image = self._background.copy()
         if self._digit_height() < SMALLEST_DIGIT:
             return image
@@ -262,7 +226,7 @@ class Renderer:
         return image
 
     def _draw_number(self, image: np.ndarray, side: float, number: int, color: Color) -> None:
-        """Write a number on the upper rail; it grows outwards, away from the clock."""
+        """Draw a number on the upper rail; more digits extend it outwards, away from the clock."""
         text = str(number)
         height = self._digit_height()
         length = height * (DIGIT_ADVANCE * (len(text) - 1) + DIGIT_WIDTH)
@@ -274,7 +238,7 @@ class Renderer:
 
     @functools.cached_property
     def _background(self) -> np.ndarray:
-        """Everything but score, clock and pieces; drawn when first needed."""
+        """Everything except score, clock, paddles and puck; drawn when first needed."""
         width, height = self.size
         image = np.empty((height, width, 3), dtype=np.uint8)
         image[:] = COLORS.room
@@ -286,7 +250,7 @@ class Renderer:
         return image
 
     def _box(self, image: np.ndarray, grow: float, corner: float, softness: float, color: Color) -> None:
-        """Fill the playing surface grown by `grow` on all sides; lengths in m, softness at least 1 px."""
+        """Fill the playing surface extended by `grow` on all sides. Lengths are in m; softness is at least 1 px."""
         x, y = 0.5 * self.table.length + grow, 0.5 * self.table.width + grow
         left, top = self.to_picture(-x, y)
         right, bottom = self.to_picture(x, -y)
@@ -300,8 +264,8 @@ class Renderer:
         self._box(image, RAIL_WIDTH - 0.03, RAIL_CORNER - 0.03, 0.03, COLORS.rail_top)
 
     def _draw_surface(self, image: np.ndarray) -> None:
-        """The playing surface in the rails' soft shade, with air holes and markings."""
-        # Drawn on a picture of its own and pasted, so that shade and creases end at the walls.
+        """Draw the playing surface with the soft shade of the rails, air holes and markings."""
+        # Draw on a copy and paste it, so that shade and creases end at the walls.
         surface = image.copy()
         self._box(surface, 0.02, 0.0, 0.0, COLORS.surface_shade)
         self._box(surface, 0.01, 0.04, 0.09, COLORS.surface)
@@ -312,7 +276,7 @@ class Renderer:
         image[inside] = surface[inside]
 
     def _draw_markings(self, image: np.ndarray) -> None:
-        """The centre line and circle, and before each goal a half disc in its player's colour."""
+        """Draw the centre line and circle, and a half disc in front of each goal in the colour of its player."""
         line = max(1.0, LINE_WIDTH * self.scale)
         ends = np.array([self.to_picture(0.0, side * 0.5 * self.table.width) for side in (1.0, -1.0)])
         raster.stroke(image, ends, line, 1.0, COLORS.marking, 1.0)
@@ -338,16 +302,16 @@ class Renderer:
                 raster.disc(image, x, y, radius, 1.0, COLORS.hole, min(1.0, radius))
 
     def _draw_lip(self, image: np.ndarray) -> None:
-        """The bright strip around the surface that the puck bounces off; its inner edge is the wall."""
+        """Draw the bright strip around the surface that the puck bounces off; its inner edge is the wall."""
         inside = 0.5 * LIP_WIDTH
         x, y = 0.5 * self.table.length + inside, 0.5 * self.table.width + inside
         corners = np.array([self.to_picture(*corner) for corner in ((-x, y), (x, y), (x, -y), (-x, -y), (-x, y))])
-        # Side by side: the bounding box of one stroke around everything would be the whole table.
+        # One side at a time, because the bounding box of a single stroke would be the whole table.
         for side in range(4):
             raster.stroke(image, corners[side : side + 2], max(1.0, LIP_WIDTH * self.scale), 1.0, COLORS.lip, 1.0)
 
     def _draw_goal(self, image: np.ndarray, side: float, color: Color) -> None:
-        """A dark pocket cut into the rail, the goal line before it and a post on either side."""
+        """Draw a dark pocket in the rail, the goal line in front of it, and a post on either side."""
         line = 0.5 * self.table.length
         half = 0.5 * self.table.goal_width
         for grow, shade in ((0.006, COLORS.pocket_edge), (0.0, COLORS.pocket)):

@@ -1,4 +1,4 @@
-"""A window on the screen that shows frames at a steady pace, and what its user does with keys and mouse."""
+"""A window that shows frames at a steady rate and reports keys and mouse."""
 
 from __future__ import annotations
 
@@ -13,14 +13,16 @@ import numpy as np
 from gymnasium import logger
 from gymnasium.error import DependencyNotInstalled, Error
 
+from airhockey_env.checks import check_positive
+
 UNSEEN = ("offscreen", "dummy", "evdev")
-"""Drivers of SDL whose windows nobody can see."""
+"""SDL video drivers whose windows are not visible."""
 
 
 def import_pygame() -> Any:
-    """The module pygame, without its greeting, and without SDL's signal handlers.
+    """Import pygame without its greeting and without SDL's signal handlers.
 
-    Those turn SIGTERM into an event of the window, so that a process which has ever had one could not be ended by it.
+    SDL's handlers turn SIGTERM into a window event, so that SIGTERM would no longer end a process that had a window.
 
     Raises:
         DependencyNotInstalled: pygame-ce is missing.
@@ -34,59 +36,57 @@ def import_pygame() -> Any:
 
 
 class Window:
-    """Shows frames on the screen. A process has one window at a time: a second one takes the first one's place.
+    """Shows frames on the screen. A process has one window at a time: a second one replaces the first.
 
-    Closing the window raises nothing: from then on `closed` is True and `show` does nothing.
+    When the window is closed, nothing is raised: `closed` becomes True and `show` does nothing.
 
     Args:
         size: (width, height) of the frames, px.
-        title: the window's title.
-        fps: greatest number of frames a second that `show` lets through, greater than 0.
+        title: the title of the window.
+        fps: greatest number of frames per second; `show` waits accordingly. Greater than 0.
 
     Raises:
         DependencyNotInstalled: pygame-ce is missing.
-        ValueError: `fps` is not greater than 0.
+        ValueError: `fps` is not a finite number greater than 0.
     """
 
-    # The display belongs to the process, so which window has it is the process's state, not a window's.
+    # The display belongs to the process, so the window that owns it is stored in the class.
     _shown: ClassVar[Window | None] = None
 
     def __init__(self, size: tuple[int, int], title: str = "Air hockey", fps: float = 50.0) -> None:
-        if not fps > 0.0:
-            raise ValueError(f"fps must be greater than 0, got {fps!r}")
+        self._fps = check_positive("fps", fps)
         self._pygame = import_pygame()
         self._size = (int(size[0]), int(size[1]))
-        self._fps = fps
         # Only the display: pygame.init() would take hold of the sound card and joysticks as well.
         self._pygame.display.init()
         self._screen = self._pygame.display.set_mode(self._size)
         self._driver = self._pygame.display.get_driver()
         self._pygame.display.set_caption(title)
         self._clock = self._pygame.time.Clock()
-        self._pressed: deque[str] = deque(maxlen=16)  # bounded: nobody may ever ask
+        self._pressed: deque[str] = deque(maxlen=16)  # bounded, because the caller may never ask for them
         self._pointer: tuple[int, int] | None = None
         Window._shown = self
 
     @property
     def closed(self) -> bool:
-        """Whether the window is gone: closed by its user, by `close`, or by a later window."""
+        """Whether the window was closed by its user, by `close`, or by opening another window."""
         return Window._shown is not self
 
     @property
     def fallen_back(self) -> str | None:
-        """The driver whose windows nobody can see, if SDL has found no other; None if somebody has chosen it."""
+        """The name of the invisible video driver that SDL fell back on; None if it did not, or if the user chose it."""
         chosen = {"SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER"} & os.environ.keys()
         return self._driver if self._driver in UNSEEN and not chosen else None
 
     @property
     def pointer(self) -> tuple[int, int] | None:
-        """The pixel that the mouse points at, from the top left; None before the mouse has moved over the window."""
+        """Pixel under the mouse pointer, from the top left; None before the mouse has moved over the window."""
         return self._pointer
 
     def pressed(self) -> list[str]:
-        """Names of the keys that were pressed since the last call, in order: "r", "escape".
+        """Names of the keys pressed since the last call, in order, such as "r" or "escape".
 
-        Brings `pointer` and `closed` up to date too.
+        Also updates `pointer` and `closed`.
         """
         self._listen()
         keys = list(self._pressed)
@@ -94,11 +94,11 @@ class Window:
         return keys
 
     def hold_pointer(self, held: bool) -> None:
-        """Hide the mouse's pointer and keep it within the window, or let it go."""
+        """Hide the mouse pointer and keep it within the window, or release it."""
         if self._gone():
             return
         mouse = self._pygame.mouse
-        # Not by set_visible: pygame takes a mouse that is both invisible and held for one that reports no places.
+        # Do not use set_visible: pygame reports no positions of a mouse that is both invisible and grabbed.
         with contextlib.suppress(self._pygame.error):  # not every screen has cursors
             if held:
                 mouse.set_cursor((8, 8), (0, 0), (0,) * 8, (0,) * 8)
@@ -110,11 +110,11 @@ class Window:
         """Show a frame, uint8 (H, W, 3), and wait until the next one is due.
 
         Args:
-            frame: the picture.
-            overlay: draws more on top of it; is given the screen, a `pygame.Surface`.
+            frame: the picture to show.
+            overlay: called with the screen, a `pygame.Surface`, to draw on top of the picture.
 
         Raises:
-            ValueError: the frame's type or shape does not fit the window.
+            ValueError: the type or shape of the frame does not match the window.
         """
         if self.closed:
             return
@@ -132,13 +132,13 @@ class Window:
         self._clock.tick(self._fps)
 
     def _gone(self) -> bool:
-        # Something else in the process may have shut pygame's display; that is a closed window as well.
+        # Other code in the process may have closed pygame's display, which closes the window too.
         if not self.closed and not self._pygame.display.get_init():
             self.close()
         return self.closed
 
     def _listen(self) -> None:
-        """Note what the user did. Fetching the events is also what keeps the window answering the desktop."""
+        """Process pending events. This is also what keeps the window responsive to the desktop."""
         if self._gone():
             return
         pygame = self._pygame
@@ -159,7 +159,7 @@ class Window:
 
 
 def human_window(size: tuple[int, int], fps: float) -> Window:
-    """The window of `render_mode="human"`. A warning is given if nobody can see it.
+    """Open the window of `render_mode="human"`. Warns if it is not visible.
 
     Raises:
         gymnasium.error.Error: no window can be opened.

@@ -1,1 +1,1 @@
-"""Physics alone: discs, walls, posts, time and contacts. No score, reward, Gymnasium or random numbers in here."""
+"""Physics only: discs, walls, posts, time and contacts. Nothing here knows scores, rewards, Gymnasium or randomness."""

@@ -1,4 +1,4 @@
-"""One table, one tick: detect, fly, resolve, until the tick is over."""
+"""Simulate one table for one tick: find the next contact, move to it, resolve it, and repeat."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from airhockey_env.engine.records import DISC, GOAL, NOTHING, WALL, Outcome
 
 @compiled
 def resolve(discs, kiss, surface, contacts, count, time):
-    """Let the two that kiss bounce. Returns the new number of contacts."""
+    """Resolve a contact (not a goal). Returns the new number of contacts."""
     if kiss.kind == DISC:
         return strike_disc(discs, kiss.a, kiss.b, surface.disc_restitution, contacts, count, time)
     a = kiss.a
@@ -23,7 +23,7 @@ def resolve(discs, kiss, surface, contacts, count, time):
         axis = kiss.b // 2
         sign = 1.0 if kiss.b % 2 == 0 else -1.0
         limit = surface.half_length if axis == 0 else surface.half_width
-        discs.position[a, axis] = sign * (limit - discs.radius[a])  # exactly there: rounding must not add up
+        discs.position[a, axis] = sign * (limit - discs.radius[a])  # exactly on the wall: rounding must not add up
         nx = -sign if axis == 0 else 0.0
         ny = -sign if axis == 1 else 0.0
     else:
@@ -38,23 +38,23 @@ def resolve(discs, kiss, surface, contacts, count, time):
 
 @inlined
 def advance(discs, surface, start, tick, limit, contacts, pause, near, cluster=None):
-    """Play one table from `start` to `tick` seconds into a tick, exactly.
+    """Simulate one table exactly, from `start` to `tick` seconds into a tick.
 
-    Ask for the earliest kiss before moving, move everything exactly there, let the two bounce, and ask again with
-    what is left of the tick. Velocities are constant between contacts, so there is no error but rounding.
+    Find the earliest kiss before moving, move everything to that time, resolve the contact, and repeat with the rest of
+    the tick. Velocities are constant between contacts, so the only error is rounding.
 
     Args:
         discs: `Discs`; position and velocity change in place. `hits` must be zero at the start of a tick.
         surface: a `SURFACE` record.
-        start, tick: s; `start` is 0 but for the rest of a tick that paused.
+        start, tick: s; `start` is 0 except when a paused tick continues.
         limit: contacts of one disc in one tick before it counts as squeezed: see `relieve`.
         contacts: `CONTACT` buffer, filled from its beginning in order of time.
-        pause: return as soon as the buffer is full, instead of going on without recording.
-        near: None, or `Near`, found for what is left of the tick: for tables with many discs.
-        cluster: None, or `Cluster`, in which clusters that collapse are settled at once; needs `near` and `pause`.
+        pause: return as soon as the buffer is full, instead of continuing without recording.
+        near: None, or the `Near` pairs for the rest of the tick, for tables with many discs.
+        cluster: None, or a `Cluster` to resolve collapsing clusters in one step; needs `near` and `pause`.
 
     Returns:
-        Outcome. After a goal the disc's centre lies on the goal line, and the rest of the tick is not played.
+        Outcome. After a goal the disc's centre is on the goal line, and the rest of the tick is not simulated.
     """
     elapsed = start
     count = 0

@@ -1,17 +1,17 @@
-"""Inelastic collapse: clusters of discs that lose energy with every contact, settled all at once.
+"""Inelastic collapse: resolve in one step a cluster of discs that would have countless lossy contacts.
 
-Packed discs with a restitution below 1 have ever more contacts in ever less time: each undoes a part of what the last
-one did, as the Gauss-Seidel method does with a system of equations, and after hundreds of thousands of them all discs
-that touch move on together. What they come to has a closed description: of all velocities with which no two touching
-discs approach, those that are nearest to the present ones (in kinetic energy). The impulses that lead there act along
-the lines of centres and only push, so momentum and angular momentum are kept; and since rest is one such set of
-velocities, the kinetic energy never grows. Discs on straight lines that do not approach at the start never do, so a
-settled pair has no contact before something else touches one of its discs.
+Packed discs with a restitution below 1 have ever more contacts in ever less time. Each contact partly undoes the effect
+of the previous one, as in the Gauss-Seidel method for a system of equations, and after hundreds of thousands of
+contacts all touching discs move on together. Their final velocities can be described directly: of all velocities for
+which no two touching discs approach, they are the closest to the present ones (in kinetic energy). The impulses that
+lead there act along the lines of centres and only push, so momentum and angular momentum are conserved. Since zero is
+one such set of velocities, the kinetic energy never increases. Discs that move on straight lines and do not approach at
+the start never do, so a resolved pair has no further contact until something else touches one of its discs.
 
-The impulses solve a quadratic program over non-negative numbers. It is solved by MPRGP (Dostál and Schöberl 2005):
-conjugate gradients among the contacts that push, steps down the gradient that may end or begin a push, and a loss of
-energy with every one of them. Contacts are weighed as if each disc's mass were split among them, which bounds the
-spectrum by 1 (Tonge, Benevolenski and Voroshilov 2012).
+The impulses are the solution of a quadratic program over non-negative numbers, which MPRGP solves (Dostál and Schöberl
+2005): conjugate gradients among the contacts that push, and projected gradient steps that may end or begin a push, each
+of which decreases the energy. Each disc's mass is split among its contacts, which bounds the spectrum by 1 (Tonge,
+Benevolenski and Voroshilov 2012).
 """
 
 from __future__ import annotations
@@ -34,22 +34,22 @@ from airhockey_env.engine.tolerances import (
 )
 
 PAIRS = 8
-"""Room for pairs that touch, per disc; in the plane there are hardly more than 3, and 2 walls."""
+"""Space for touching pairs, per disc. In the plane there are hardly more than 3, plus 2 walls."""
 
 ITERATIONS = 4000
-"""Steps after which a cluster counts as squeezed: it has no velocities with which nothing approaches."""
+"""Iterations after which a cluster counts as squeezed: no velocities are found for which nothing approaches."""
 
 STEP = 1.9
-"""Length of a step down the gradient; below 2 over the greatest eigenvalue, which is at most 1."""
+"""Length of a gradient step; must be below 2 divided by the largest eigenvalue, which is at most 1."""
 
 SINGULAR = 1e-14
-"""Share of itself that a direction may leave of a push before it counts as one that nothing yields to."""
+"""A direction whose curvature, relative to its squared length, is not above this counts as singular: nothing yields."""
 
 
 class Cluster(NamedTuple):
-    """What the engine remembers of a table's contacts to know a collapse, and room to settle it."""
+    """The contact history needed to detect a collapse, and work arrays to resolve it."""
 
-    patience: NDArray[np.float64]  # (2,) contacts in a row that are no collapse yet: with discs, with walls
+    patience: NDArray[np.float64]  # (2,) contacts in a row that do not count as a collapse yet: with discs, with walls
     last: NDArray[np.float64]  # (n,) s, time of the disc's last contact in this step
     quick: NDArray[np.int64]  # (n,) contacts in a row, each within COLLAPSE_TIME of the one before
     link: NDArray[np.int64]  # (n,) union-find: a disc of the same cluster, or itself
@@ -61,13 +61,13 @@ class Cluster(NamedTuple):
     gap: NDArray[np.float64]  # (m,) m,
     scale: NDArray[np.float64]  # (m,) sqrt(kg), impulses are this times
     push: NDArray[np.float64]  # (m,) sqrt(J), the unknowns,
-    slope: NDArray[np.float64]  # (m,) sqrt(J), the energy's gradient: scale times the speed of parting
+    slope: NDArray[np.float64]  # (m,) sqrt(J), gradient of the energy: scale times the separating speed
     direction: NDArray[np.float64]  # (m,)
     answer: NDArray[np.float64]  # (m,) what the direction changes in the slope
 
 
 def patience(restitution: float) -> float:
-    """Contacts in a row that are no collapse yet; inf where hardly anything is lost."""
+    """Number of contacts in a row that do not count as a collapse yet; inf if hardly any energy is lost."""
     contacts, share = COLLAPSE_CONTACTS, 1.0
     while share > COLLAPSE_SHARE:
         contacts += 1
@@ -78,10 +78,10 @@ def patience(restitution: float) -> float:
 
 
 def make_cluster(n: int, restitution: float, wall_restitution: float) -> Cluster:
-    """Room for a table of n discs."""
+    """Allocate a `Cluster` for a table of n discs."""
     m = n * PAIRS
     with_discs = patience(restitution)
-    # Pressed to an elastic wall by others, a disc loses at every other contact.
+    # A disc that others press against an elastic wall loses energy only at every other contact.
     with_walls = min(patience(wall_restitution), 2.0 * with_discs)
     return Cluster(
         patience=np.array([with_discs, with_walls]),
@@ -104,7 +104,7 @@ def make_cluster(n: int, restitution: float, wall_restitution: float) -> Cluster
 
 @compiled
 def forget(cluster):
-    """A new step: no contacts yet."""
+    """Reset the contact history at the start of a step."""
     for a in range(cluster.last.shape[0]):
         cluster.last[a] = -math.inf
         cluster.quick[a] = 0
@@ -112,7 +112,7 @@ def forget(cluster):
 
 @compiled
 def collapses(cluster, a, b, time, by_wall):
-    """Count a contact of disc a (with disc b, or a wall if b < 0) at `time` s; whether it is part of a collapse."""
+    """Count a contact of disc a (with disc b, or a wall if b < 0) at `time` s; return whether it is in a collapse."""
     most = 0
     for disc in (a, b):
         if disc >= 0:
@@ -132,7 +132,7 @@ def _root(link, a):
 
 @compiled
 def _note(cluster, m, a, b, nx, ny, gap):
-    """One more contact, if there is room; the number of contacts."""
+    """Add a contact, if there is space; return the number of contacts."""
     if m == cluster.a.shape[0]:
         return m
     cluster.a[m], cluster.b[m] = a, b
@@ -143,9 +143,10 @@ def _note(cluster, m, a, b, nx, ny, gap):
 
 @compiled
 def gather(cluster, discs, near, surface, a, b):
-    """Find the cluster of discs a and b (or a wall, if b < 0): all that are linked to them by touching discs.
+    """Collect the contacts of the cluster of discs a and b (or a wall if b < 0): all discs connected by touching ones.
 
-    Discs of infinite mass and walls belong to it and do not link. Returns the number of contacts.
+    Walls and discs of infinite mass belong to the cluster but do not connect other discs. Returns the number of
+    contacts.
     """
     position, radius, inverse_mass, link = discs.position, discs.radius, discs.inverse_mass, cluster.link
     n = position.shape[0]
@@ -177,7 +178,7 @@ def gather(cluster, discs, near, surface, a, b):
                     m = _note(cluster, m, c, -1, inwards if axis == 0 else 0.0, inwards if axis == 1 else 0.0, gap)
     root = _root(link, a if inverse_mass[a] > 0.0 else b)
     kept = 0
-    for k in range(m):  # those of this cluster
+    for k in range(m):  # keep the contacts of this cluster
         c, d = cluster.a[k], cluster.b[k]
         inside = c if inverse_mass[c] > 0.0 else d
         if _root(link, inside) == root:
@@ -187,7 +188,7 @@ def gather(cluster, discs, near, surface, a, b):
 
 @compiled
 def _weigh(cluster, discs, m):
-    """Set the scales of the contacts, and all pushes to none."""
+    """Set the scale of every contact, and all pushes to 0."""
     inverse_mass, degree = discs.inverse_mass, cluster.degree
     for k in range(m):
         for disc in (cluster.a[k], cluster.b[k]):
@@ -208,10 +209,10 @@ def _weigh(cluster, discs, m):
 
 @compiled
 def _apply(cluster, discs, m, push, still, into):
-    """Write scale * speed of parting of every contact with the given pushes into `into`.
+    """Write scale * separating speed of every contact under the given pushes into `into`.
 
     Args:
-        still: count from rest instead of from the discs' velocities.
+        still: start from rest instead of from the discs' velocities.
     """
     moved, inverse_mass = cluster.moved, discs.inverse_mass
     for k in range(m):
@@ -240,7 +241,7 @@ def _apply(cluster, discs, m, push, still, into):
 
 @compiled
 def _settled(cluster, m, rest):
-    """Whether no contact closes any more within the `rest` seconds of the step."""
+    """Whether no contact closes within the remaining `rest` seconds of the step."""
     for k in range(m):
         parting = cluster.slope[k] / cluster.scale[k]
         if not (parting >= -0.25 * TOUCH_SPEED or cluster.gap[k] + parting * rest > 0.0):
@@ -250,25 +251,25 @@ def _settled(cluster, m, rest):
 
 @compiled
 def _begin(cluster, m):
-    """Start conjugate gradients from here: down the gradient, among the contacts that push."""
+    """Restart conjugate gradients with the gradient restricted to the contacts that push."""
     for k in range(m):
         cluster.direction[k] = cluster.slope[k] if cluster.push[k] > 0.0 else 0.0
 
 
 @compiled
 def _solve(cluster, discs, m, rest):
-    """Find the pushes, and the velocities that they lead to. False if there are none."""
+    """Find the pushes and the velocities that they lead to. Returns False if there is no solution."""
     push, slope, direction, answer = cluster.push, cluster.slope, cluster.direction, cluster.answer
     _weigh(cluster, discs, m)
     _apply(cluster, discs, m, push, False, slope)
     _begin(cluster, m)
     for _ in range(ITERATIONS):
         if _settled(cluster, m, rest):
-            _apply(cluster, discs, m, push, False, slope)  # without the roundings of the steps
+            _apply(cluster, discs, m, push, False, slope)  # without the accumulated rounding errors
             if _settled(cluster, m, rest):
                 return True
             _begin(cluster, m)
-        idle2, free = 0.0, 0.0  # how much those that do not push call for it, and those that push for a change
+        idle2, free = 0.0, 0.0  # squared gradients: of contacts that should begin to push, and of those that push
         for k in range(m):
             if push[k] > 0.0:
                 free += min(push[k] / STEP, slope[k]) * slope[k]
@@ -306,7 +307,7 @@ def _solve(cluster, discs, m, rest):
                     direction[k] = (slope[k] if push[k] > 0.0 else 0.0) - conjugate * direction[k]
             else:
                 _begin(cluster, m)
-        else:  # as far as the first that ends its push, and on down the gradient, ending pushes on the way
+        else:  # go until the first push ends, then take a projected gradient step, which may end more of them
             for k in range(m):
                 push[k] = max(0.0, push[k] - most * direction[k])
                 slope[k] -= most * answer[k]
@@ -320,8 +321,7 @@ def _solve(cluster, discs, m, rest):
 
 @compiled
 def _halt(cluster, discs, m):
-    """Let a cluster move on as one: with the velocity of its centre of mass, or not at all if an edge or another disc
-    holds it."""
+    """Give a cluster the velocity of its centre of mass, or stop it if a wall or an immovable disc holds it."""
     mass, px, py = 0.0, 0.0, 0.0
     held = False
     for k in range(m):
@@ -342,11 +342,11 @@ def _halt(cluster, discs, m):
 
 @compiled
 def settle(cluster, discs, m, rest, contacts, count, time):
-    """Settle the m contacts that were gathered, with `rest` seconds left of the step. The new number of contacts.
+    """Resolve the m gathered contacts, with `rest` seconds left of the step. Returns the new number of contacts.
 
-    Where there are no velocities with which nothing approaches, driven discs squeeze the cluster: they give way. If
-    even that leaves none that can be found (speeds so high, or masses so different, that rounding is in the way), the
-    cluster moves on as one.
+    If no velocities exist for which nothing approaches, driven discs are squeezing the cluster, and they give way. If
+    there is still no solution (because of rounding, at extreme speeds or mass ratios), the cluster moves on as one
+    body.
     """
     solved = _solve(cluster, discs, m, rest)
     if not solved:

@@ -1,9 +1,9 @@
-"""The two ways to step a table that only look at the end of the tick: for study, and to see what they lose.
+"""The methods "kiss" and "overlap", which only detect contacts at the end of a tick. For study and comparison.
 
-Both move everything through the whole tick and then mend, pair by pair in the order of their numbers, what overlaps.
-`"kiss"` goes back to the kiss point along the incoming velocities, so its normal is the ideal one; `"overlap"` takes
-the normal from the overlapping positions, which is off by more the faster the discs and the longer the tick. Neither
-sees discs that passed through each other within the tick.
+Both move everything for the whole tick and then resolve the overlapping pairs one by one, in the order of their
+numbers. `"kiss"` goes back to the kiss point along the incoming velocities, so its normal is exact. `"overlap"` takes
+the normal from the overlapping positions; its error grows with the speed of the discs and with the tick. Neither
+detects discs that passed through each other within the tick.
 """
 
 from __future__ import annotations
@@ -23,11 +23,12 @@ def _shift(discs, a, time):
 
 @compiled
 def _penetration_time(dx, dy, vx, vy, reach, tick):
-    """Time since two overlapping, approaching discs kissed: at most the tick.
+    """Time since two overlapping, approaching discs touched, s; at most the tick.
 
-    (dx, dy) and (vx, vy) are A's centre and velocity as seen from B at the end of the tick. From the start of the A'
-    path to B runs the large triangle; the leg that it shares with the small one and the sum of the radii give the
-    small one's top leg, and the travel from the kiss to the end of the path is what is left.
+    (dx, dy) and (vx, vy) are A's centre and velocity relative to B at the end of the tick. The hypotenuse of the large
+    triangle runs from the start of the A' path to B. The leg that it shares with the small triangle and the sum of the
+    radii give the small triangle's top leg, and with it the distance from the kiss to the end of the path.
+    docs/kiss_study.md has a picture.
     """
     pathx, pathy = vx * tick, vy * tick  # the A' path
     length = math.sqrt(pathx * pathx + pathy * pathy)
@@ -37,7 +38,7 @@ def _penetration_time(dx, dy, vx, vy, reach, tick):
     shared_x, shared_y = to_b_x - projection * ux, to_b_y - projection * uy
     top_leg = math.sqrt(max(0.0, reach * reach - (shared_x * shared_x + shared_y * shared_y)))
     travel = length - (projection - top_leg)
-    # By the larger component, so that nothing near zero is in the denominator.
+    # Use the larger component, so that the denominator is not close to zero.
     time = travel * ux / vx if abs(vx) >= abs(vy) else travel * uy / vy
     return min(max(0.0, time), tick)
 
@@ -102,9 +103,9 @@ def _mend_wall(discs, a, axis, surface, tick, contacts, count):
 
 @compiled
 def advance_discrete(discs, surface, tick, by_kiss, contacts):
-    """Play one table for a tick of `tick` seconds by `"kiss"` (or else `"overlap"`); return the number of contacts.
+    """Simulate one table for a tick of `tick` seconds with `"kiss"` (or else `"overlap"`); return the contact count.
 
-    The buffer holds the first contacts in the order in which they were mended, with the times that they claim.
+    The buffer receives the first contacts in the order in which they were resolved, with the times computed for them.
     """
     fly(discs, tick)
     count = 0

@@ -1,4 +1,4 @@
-"""What a contact does: the impulse along the ideal normal, and what happens to discs that are squeezed."""
+"""The effect of a contact: the impulse along the normal, and the treatment of squeezed discs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from airhockey_env.compiled import compiled
 
 @compiled
 def record(contacts, count, time, a, b, x, y, nx, ny, impulse):
-    """Write contact number `count` into the buffer, if there is room."""
+    """Write contact number `count` into the buffer, if there is space."""
     if count < contacts.shape[0]:
         contact = contacts[count]
         contact.time = time
@@ -26,8 +26,8 @@ def record(contacts, count, time, a, b, x, y, nx, ny, impulse):
 def exchange(discs, a, b, nx, ny, approach, restitution):
     """Exchange momentum between discs a and b along the unit normal (from b to a); return the impulse, N s.
 
-    `approach` is the velocity of a as seen from b along the normal, m/s, negative. With inverse masses the textbook
-    formula holds in its limit too: an immovable disc keeps its velocity. Tangential velocities are untouched.
+    `approach` is the velocity of a relative to b along the normal, m/s, negative. Inverse masses make the textbook
+    formula work for immovable discs too: they keep their velocity. Tangential velocities do not change.
     """
     impulse = -(1.0 + restitution) * approach / (discs.inverse_mass[a] + discs.inverse_mass[b])
     discs.velocity[a, 0] += impulse * discs.inverse_mass[a] * nx
@@ -39,7 +39,7 @@ def exchange(discs, a, b, nx, ny, approach, restitution):
 
 @compiled
 def strike_disc(discs, a, b, restitution, contacts, count, time):
-    """Two discs that kiss bounce off each other. Returns the new number of contacts."""
+    """Resolve a contact of two discs. Returns the new number of contacts."""
     position, velocity = discs.position, discs.velocity
     dx = position[a, 0] - position[b, 0]
     dy = position[a, 1] - position[b, 1]
@@ -47,7 +47,7 @@ def strike_disc(discs, a, b, restitution, contacts, count, time):
     vx = velocity[a, 0] - velocity[b, 0]
     vy = velocity[a, 1] - velocity[b, 1]
     approach = dx * vx + dy * vy
-    if not approach < 0.0:  # a graze, by rounding: no normal velocity, nothing changes
+    if not approach < 0.0:  # they only graze each other, by rounding: no normal velocity, nothing changes
         return count
     nx, ny = dx / distance, dy / distance
     impulse = exchange(discs, a, b, nx, ny, approach / distance, restitution)
@@ -59,7 +59,7 @@ def strike_disc(discs, a, b, restitution, contacts, count, time):
 
 @compiled
 def strike_edge(discs, a, nx, ny, surface, contacts, count, time):
-    """A disc that touches a wall or post bounces off it. Returns the new number of contacts."""
+    """Resolve a contact of a disc with a wall or post. Returns the new number of contacts."""
     vx, vy = discs.velocity[a, 0], discs.velocity[a, 1]
     normal = vx * nx + vy * ny
     if not normal < 0.0:
@@ -78,23 +78,26 @@ def strike_edge(discs, a, nx, ny, surface, contacts, count, time):
 
 @compiled
 def stop(discs, a):
-    """Take all velocity from disc a."""
+    """Set the velocity of disc a to 0."""
     discs.velocity[a, 0] = 0.0
     discs.velocity[a, 1] = 0.0
 
 
 @compiled
 def relieve(discs, a, b, limit):
-    """Count a contact of disc a (with disc b, or an edge if b < 0); end what would never end. True if it is over.
+    """Count a contact of disc a (with disc b, or an edge if b < 0), and stop discs that have too many.
 
-    A puck squeezed between a moving paddle and a wall, or discs that lose energy while they rattle in a shrinking
-    gap, have infinitely many contacts in a finite time. So when a disc of finite mass has had more than `limit`
-    contacts in a tick, the driven disc that it meets gives way: it stops for the rest of the tick. If even that does
-    not end it, past 2 * `limit` contacts the discs that meet come to rest, and there is no bounce: the one case in
-    which momentum gets lost between discs of finite mass.
+    A puck that is squeezed between a moving paddle and a wall, or discs that lose energy while they rattle in a
+    shrinking gap, have infinitely many contacts in a finite time. When a disc of finite mass has had more than `limit`
+    contacts in a tick, the driven disc that it touches therefore gives way: it stops for the rest of the tick. Beyond
+    2 * `limit` contacts both discs are stopped and do not bounce. This is the only case in which momentum is lost
+    between discs of finite mass.
 
-    Every bounce raises a count that is bounded, and every rest ends the motion of a disc that only a bounce can move
-    again: so a tick has at most about 5 * n * `limit` contacts, whatever happens.
+    Every bounce increases a bounded count, and a stopped disc can only be moved again by a bounce, so a tick has at
+    most about 5 * n * `limit` contacts.
+
+    Returns:
+        True if the discs were stopped and the contact must not be resolved.
     """
     count = 0
     if discs.inverse_mass[a] > 0.0:

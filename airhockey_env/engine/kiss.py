@@ -1,13 +1,14 @@
-"""Where and when: the next kiss on a table.
+"""Collision detection: where and when the next kiss on a table happens.
 
-Two discs kiss when they touch without overlapping. Seen from B, disc A travels along a straight line, the A' path;
-the leg from that path to B's centre and the sum of the radii, which is the hypotenuse at the kiss, give the place of
-the kiss on the path, and with the relative velocity its time. A wall is a line that the centre may not cross, a post
-is a disc of radius 0, and the goal line between the posts is a sensor: crossing it is reported and ends the tick.
+Two discs kiss when they touch without overlapping. Seen from B, disc A travels along a straight line, the A' path. The
+perpendicular from B's centre to that path and the sum of the radii, which is the hypotenuse at the kiss, determine the
+position of the kiss on the path, and with the relative velocity its time. A wall is a line that the centre may not
+cross, a post is a disc of radius 0, and the goal line between the posts is a sensor: crossing it is reported and ends
+the tick.
 
-Kisses at the same instant are taken in a fixed order, so that runs repeat to the bit: by the number of the disc, and
-for each disc first its pairs with discs of higher numbers (of two equally early pairs that share a disc, the
-one that approaches faster first), then the end wall, the side wall, the posts (the one at +y first), the goal line.
+Simultaneous kisses are taken in a fixed order, so that runs are reproducible to the bit: in the order of the disc
+numbers, and for each disc first its pairs with higher-numbered discs (if two such pairs share a disc, the one that
+approaches faster), then the end wall, the side wall, the posts (the one at +y first), and the goal line.
 """
 
 from __future__ import annotations
@@ -23,15 +24,15 @@ END_WALL, SIDE_WALL = 0, 2  # numbers of walls: at +x, -x, +y, -y
 
 @inlined
 def kiss_time(dx, dy, vx, vy, reach):
-    """Time until two discs kiss, or inf if they never do.
+    """Time until two discs kiss, s, or inf if they never do.
+
+    Discs that touch (or overlap by rounding) and approach each other kiss at time 0. Discs that separate, do not move,
+    miss each other or merely graze do not kiss.
 
     Args:
-        dx, dy: centre of A as seen from B, m.
-        vx, vy: velocity of A as seen from B, m/s.
+        dx, dy: centre of A relative to B, m.
+        vx, vy: velocity of A relative to B, m/s.
         reach: sum of the radii, m.
-
-    Touching (or overlapping by rounding) and approaching is a kiss at time 0. Moving apart, not moving, missing
-    and merely grazing are none.
     """
     approach = dx * vx + dy * vy  # distance times closing speed; negative when approaching
     if not approach < 0.0:
@@ -52,13 +53,13 @@ def kiss_time(dx, dy, vx, vy, reach):
 
 @compiled
 def _share_a_disc(a, b, best):
-    """Whether the pairs (a, b) and `best` have a disc in common; b is greater than a, and a not less than best.a."""
+    """Whether the pairs (a, b) and `best` have a disc in common, given that a < b and best.a <= a."""
     return best.a == a or best.b == a or best.b == b
 
 
 @compiled
 def _faster(discs, a, b, best):
-    """Whether disc a approaches disc b faster than the pair `best` approaches each other."""
+    """Whether discs a and b approach each other faster than the pair `best`."""
     position, velocity = discs.position, discs.velocity
     dx, dy = position[a, 0] - position[b, 0], position[a, 1] - position[b, 1]
     vx, vy = velocity[a, 0] - velocity[b, 0], velocity[a, 1] - velocity[b, 1]
@@ -69,7 +70,7 @@ def _faster(discs, a, b, best):
 
 @compiled
 def _earlier_edge(x, y, vx, vy, radius, surface, a, best):
-    """The kiss of disc a with a wall or post, or its crossing of a goal line, if it comes before `best`."""
+    """Return the earlier of `best` and the first kiss of disc a with a wall, a post or a goal line."""
     end = 1.0 if vx > 0.0 else -1.0
     limit = surface.half_length - radius
     if end * (x + vx * best.time) > limit and vx != 0.0:
@@ -103,7 +104,7 @@ def _earlier_edge(x, y, vx, vy, radius, surface, a, best):
 
 @inlined
 def _earlier_pair(discs, a, b, best):
-    """The kiss of discs a and b, if it comes before `best`."""
+    """Return the earlier of `best` and the kiss of discs a and b."""
     position, velocity = discs.position, discs.velocity
     time = kiss_time(
         position[a, 0] - position[b, 0],
@@ -115,18 +116,18 @@ def _earlier_pair(discs, a, b, best):
     if time < best.time:
         best = Kiss(time, DISC, a, b)
     elif time == best.time and best.kind == DISC and _share_a_disc(a, b, best) and _faster(discs, a, b, best):
-        # A disc that two others reach at once meets the faster one first, whatever their numbers: so a
-        # table turned by 180 degrees, where the numbers of the paddles are swapped, plays the same.
+        # A disc that two others reach at once meets the faster one first, whatever their numbers. Thus a table
+        # turned by 180 degrees, where the numbers of the paddles are swapped, behaves the same.
         best = Kiss(time, DISC, a, b)
     return best
 
 
 @inlined
 def next_kiss(discs, surface, horizon, near):
-    """The earliest kiss on the table within `horizon` seconds; its kind is NOTHING, at `horizon`, if there is none.
+    """The earliest kiss on the table within `horizon` seconds. If there is none, its kind is NOTHING at time `horizon`.
 
     Args:
-        near: `Near`, the pairs to ask, or None for all.
+        near: `Near`, the pairs to check, or None for all pairs.
     """
     position, velocity, radius, inverse_mass = discs.position, discs.velocity, discs.radius, discs.inverse_mass
     best = Kiss(horizon, NOTHING, -1, -1)
@@ -145,7 +146,7 @@ def next_kiss(discs, surface, horizon, near):
                 b = k if whole else near.partner[k]
                 if inverse_mass[a] + inverse_mass[b] != 0.0:
                     best = _earlier_pair(discs, a, b, best)
-        # Most discs are nowhere near an edge: ask closely only when they start or end beyond where they touch one.
+        # Most discs are far from all edges: only check those that start or end beyond where they would touch one.
         reach_x, reach_y = surface.half_length - radius[a], surface.half_width - radius[a]
         by_edge = abs(x) > reach_x or abs(x + vx * best.time) > reach_x or abs(y + vy * best.time) > reach_y
         if by_edge and inverse_mass[a] > 0.0:

@@ -1,12 +1,11 @@
-"""Free flight: straight lines inside a tick, and the glide of a puck that slows down.
+"""Motion between contacts: straight lines within a tick, and the deceleration of a gliding puck.
 
-The deceleration a + c*v + b*v**2 is a Riccati equation, so the speed after a time h is exactly
-v(h) = (p*v - q) / (r*v + s), with four numbers that depend on h alone: no transcendental function per step. The game
-flies one tick at the speed in the middle of it: half a tick of glide, a tick of straight flight, half a tick of
-glide. Speeds of a free flight are exact; positions have an error of the third order in the tick: when the
-deceleration changes by d' per second, at most d' * tick**3 / 24 each tick (for 10 m/s on the full-size table at
-50 Hz: less than 1 micrometre). In the one tick in which a puck decelerating at d comes to rest it is at most
-d * tick**2 / 8.
+The deceleration a + c*v + b*v**2 is a Riccati equation, so the speed after a time h is exactly v(h) = (p*v - q) / (r*v
++ s) with four coefficients that only depend on h. No transcendental function is needed per step. A tick of the game is
+half a tick of deceleration, a tick of straight motion at constant speed, and another half tick of deceleration. The
+speeds of a freely gliding puck are exact. Its positions have a third-order error per tick: at most d' * tick**3 / 24 if
+the deceleration changes by d' per second (less than 1 micrometre for 10 m/s on the full-size table at 50 Hz), and at
+most d * tick**2 / 8 in the tick in which a puck that decelerates at d comes to rest.
 """
 
 from __future__ import annotations
@@ -18,10 +17,10 @@ from airhockey_env.compiled import compiled, inlined
 
 @compiled
 def glide_coefficients(constant, linear, quadratic, time):
-    """The numbers p, q, r, s of the module's docstring for a glide of `time` seconds.
+    """The coefficients p, q, r, s (see the module's docstring) for gliding `time` seconds.
 
     Args:
-        constant, linear, quadratic: a in m/s**2, c in 1/s, b in 1/m; none negative.
+        constant, linear, quadratic: a in m/s**2, c in 1/s, b in 1/m; 0 or more.
         time: s.
     """
     discriminant = 0.25 * linear**2 - constant * quadratic
@@ -30,7 +29,7 @@ def glide_coefficients(constant, linear, quadratic, time):
         tangent = math.tanh(root * time) / root
     elif discriminant < 0.0:
         root = math.sqrt(-discriminant)
-        if root * time >= 0.5 * math.pi:  # past a quarter turn, the tangent's pole, any speed has come to 0
+        if root * time >= 0.5 * math.pi:  # beyond the pole of the tangent, any speed has decayed to 0
             return 0.0, 0.0, 0.0, 1.0
         tangent = math.tan(root * time) / root
     else:
@@ -49,7 +48,7 @@ def fly(discs, time):
 
 @inlined
 def glide(discs, a, p, q, r, s, greatest):
-    """Slow disc a down by a glide with the given coefficients, and to `greatest` m/s if it is faster still."""
+    """Decelerate disc a with the given coefficients, and limit its speed to `greatest` m/s."""
     vx, vy = discs.velocity[a, 0], discs.velocity[a, 1]
     speed = math.sqrt(vx * vx + vy * vy)
     if speed > 0.0:

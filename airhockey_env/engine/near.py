@@ -1,9 +1,9 @@
-"""Broad phase: which pairs of discs could kiss at all before the tick is over.
+"""Broad phase: find the pairs of discs that could kiss before the tick is over.
 
-No disc leaves its reach, the circle that it can get to until the end of the tick at half as much again as its present
-speed, so only pairs whose reaches meet are asked for a kiss. A bounce that makes a disc faster than that draws all
-reaches anew. The pairs that are asked come in the same order as if all were, so the contacts are the same to the bit;
-a region where nothing moves costs next to nothing.
+The reach of a disc is the circle that it can get to by the end of the tick at 1.5 times its present speed. Only pairs
+whose reaches overlap are checked for a kiss. If a bounce makes a disc faster than that, all reaches are computed again.
+Pairs are checked in the same order as without the broad phase, so the contacts are the same to the bit. Regions where
+nothing moves cost almost nothing.
 """
 
 from __future__ import annotations
@@ -18,31 +18,31 @@ from airhockey_env.compiled import compiled
 from airhockey_env.engine.tolerances import SKIN
 
 SLACK = 1.5
-"""A disc's reach is for this much of its speed: most bounces between equals stay within it."""
+"""Factor on a disc's speed for its reach: most bounces between equal discs stay within it."""
 
 ROUNDING = 1e-9
-"""Share by which reaches are larger than that, far more than all rounding in them."""
+"""Relative margin on reaches, far more than all rounding errors in them."""
 
 FEWEST = 12
-"""Discs on a table from which on it pays."""
+"""Number of discs from which the broad phase pays off."""
 
 PARTNERS = 64
-"""Room for pairs, per disc; where there are more, all pairs are asked."""
+"""Space for pairs, per disc. If there are more, all pairs are checked."""
 
 
 class Near(NamedTuple):
-    """The pairs of discs near enough to kiss: those of disc a are partner[start[a]:start[a + 1]], in order."""
+    """The pairs of discs near enough to kiss. The partners of disc a are partner[start[a]:start[a + 1]], in order."""
 
     start: NDArray[np.int64]  # (n + 1,)
     partner: NDArray[np.int64]  # (n * PARTNERS,); each greater than a
-    whole: NDArray[np.bool_]  # (1,) there was no room: all pairs count
-    greatest: NDArray[np.float64]  # (n,) m/s, speeds up to which the pairs hold
+    whole: NDArray[np.bool_]  # (1,) there was not enough space, so all pairs count
+    greatest: NDArray[np.float64]  # (n,) m/s, speeds up to which the pairs are valid
     reach: NDArray[np.float64]  # (n,) m
-    order: NDArray[np.int64]  # (n,) discs by where their reach begins along x
+    order: NDArray[np.int64]  # (n,) discs sorted by the left end of their reach along x
 
 
 def make_near(n: int) -> Near:
-    """Room for the pairs of n discs."""
+    """Allocate a `Near` for n discs."""
     return Near(
         start=np.zeros(n + 1, np.int64),
         partner=np.zeros(n * PARTNERS, np.int64),
@@ -55,7 +55,7 @@ def make_near(n: int) -> Near:
 
 @compiled
 def _sort(order, keys):
-    """Insertion sort of `order` by its keys: they are nearly in order from last time."""
+    """Insertion sort of `order` by its keys, which are nearly sorted from the last call."""
     for k in range(1, order.shape[0]):
         disc = order[k]
         m = k
@@ -82,7 +82,7 @@ def find_near(near, discs, time):
     start[n] = 0
     _sort(order, left)
     near.whole[0] = False
-    for fill in range(2):  # count the pairs of each disc, then note them
+    for fill in range(2):  # first count the pairs of each disc, then store them
         for k in range(n):
             a = order[k]
             right, y = position[a, 0] + reach[a], position[a, 1]
@@ -104,7 +104,7 @@ def find_near(near, discs, time):
             if total > partner.shape[0]:
                 near.whole[0] = True
                 return
-    for a in range(n, 0, -1):  # filling has moved every start to the next one's place
+    for a in range(n, 0, -1):  # storing has advanced every start to that of the next disc
         start[a] = start[a - 1]
     start[0] = 0
     for a in range(n):
@@ -125,7 +125,7 @@ def _sort_part(values, first, last):
 
 @compiled
 def keep_near(near, discs, a, b, time):
-    """After a bounce of disc a (with disc b, or an edge if b < 0): new pairs if one is faster than they hold for."""
+    """After a bounce of disc a (with disc b, or an edge if b < 0), find the pairs again if one of them is too fast."""
     for disc in (a, b):
         if disc >= 0:
             vx, vy = discs.velocity[disc, 0], discs.velocity[disc, 1]

@@ -1,4 +1,4 @@
-"""What goes into the engine and what comes out of it, as NumPy record types and named tuples."""
+"""The engine's inputs and outputs, as NumPy record types and named tuples."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SURFACE = np.dtype(
     ],
     align=True,
 )
-"""A table's surface as the engine sees it. A record with more fields (the game's) serves as well."""
+"""The table's surface. A record with more fields, such as the game's, works as well."""
 
 CONTACT = np.dtype(
     [
@@ -27,13 +27,13 @@ CONTACT = np.dtype(
         ("b", np.int32),  # disc, a < b; -1 for a wall or post
         ("x", np.float64),  # m, where they touch
         ("y", np.float64),
-        ("nx", np.float64),  # unit normal as seen from b: it points at a
+        ("nx", np.float64),  # unit normal, pointing from b to a
         ("ny", np.float64),
         ("impulse", np.float64),  # N s along the normal, on a; the opposite acts on b
     ],
     align=True,
 )
-"""One contact. A buffer of these is filled in the order of time."""
+"""One contact. Buffers of contacts are filled in order of time."""
 
 
 class Discs(NamedTuple):
@@ -42,25 +42,25 @@ class Discs(NamedTuple):
     position: NDArray[np.float64]  # (n, 2) m
     velocity: NDArray[np.float64]  # (n, 2) m/s
     radius: NDArray[np.float64]  # (n,) m
-    inverse_mass: NDArray[np.float64]  # (n,) 1/kg; 0 is immovable, or driven from outside
+    inverse_mass: NDArray[np.float64]  # (n,) 1/kg; 0 for discs that are immovable or driven by the caller
     hits: NDArray[np.int32]  # (n,) contacts so far in this tick
 
 
 class Kiss(NamedTuple):
-    """The next kiss on a table: when, of what kind, and between which two."""
+    """The next kiss on a table: its time, its kind, and what is involved."""
 
     time: float  # s from now
     kind: int  # one of the constants below
     a: int  # disc
-    b: int  # DISC: the other disc; WALL, POST, GOAL: which (see `kiss`)
+    b: int  # DISC: the other disc; WALL, POST, GOAL: which one (see `kiss`)
 
 
 NOTHING, DISC, WALL, POST, GOAL = range(5)
 
 
 class Outcome(NamedTuple):
-    """What a tick came to."""
+    """The result of a tick."""
 
-    elapsed: float  # s; less than the tick only after a goal, or with a full buffer
+    elapsed: float  # s; less than the tick only after a goal or when the buffer is full
     contacts: int  # how many there were; the buffer holds the first ones
-    goal: int  # side whose goal line a disc's centre crossed: -1 left, +1 right, 0 neither
+    goal: int  # side of the goal line that a disc's centre crossed: -1 left, +1 right, 0 none

@@ -182,8 +182,6 @@ def remember(state, past, disc, time, x, y):
 def slope(state, past, disc, tick):
     """Velocity, m/s, of the least-squares line through the remembered positions; 0 while there is only one."""
     n = state.known[disc]
-    if n < 2:
-        return 0.0, 0.0
     t0, x0, y0 = past[disc, 0, 0], past[disc, 0, 1], past[disc, 0, 2]
     t, x, y, tt, tx, ty = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(n):  # relative to one of them, so that little is lost to rounding
@@ -194,8 +192,10 @@ def slope(state, past, disc, tick):
         tt += dt * dt
         tx += dt * dx
         ty += dt * dy
-    below = (tt - t * t / n) * tick
-    return (tx - t * x / n) / below, (ty - t * y / n) / below
+    spread = tt - t * t / n
+    if not spread > 0.0:
+        return 0.0, 0.0
+    return (tx - t * x / n) / (spread * tick), (ty - t * y / n) / (spread * tick)
 
 
 @inlined
@@ -281,8 +281,10 @@ def show(state, observation):
 
 
 @compiled
-def start_episode(state, camera, past, params, observation, now):
-    """Begin an episode: its first frame is seen at once, whole."""
+def start_episode(state, camera, queue, past, params, observation, now):
+    """Begin an episode: its first frame is seen at once, whole, and nothing is left of the last episode."""
+    queue[:] = 0.0
+    past[:] = 0.0
     measure(state, camera, params)
     look(state, observation, now)
     state.step = 0
@@ -341,7 +343,7 @@ def follow_rows(first, last, player, parameters, cameras, out):
             continue
         if out.terminated[i] or out.truncated[i]:  # the end came in the same step
             follow(state, camera, queue, past, out.final_observation[player, i], now)
-        start_episode(state, camera, past, params_of(parameters, i), observation, now)
+        start_episode(state, camera, queue, past, params_of(parameters, i), observation, now)
 
 
 @compiled
@@ -351,8 +353,8 @@ def start_rows(rows, player, parameters, cameras, out):
     now = np.empty(4 * DISCS)
     for k in range(rows.shape[0]):
         i = rows[k]
-        params = params_of(parameters, i)
-        start_episode(cameras.states[i], camera, cameras.past[i], params, out.observation[player, i], now)
+        state, queue, past = cameras.states[i], cameras.queue[i], cameras.past[i]
+        start_episode(state, camera, queue, past, params_of(parameters, i), out.observation[player, i], now)
 
 
 @compiled

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from airhockey_env.compiled import records
 from airhockey_env.engine.records import CONTACT
-from airhockey_env.kernel.parameters import FIELDS
 from airhockey_env.kernel.state import CONTACT_ROWS, OBSERVATION_SIZE
+from airhockey_env.tables import FIELDS
 
 
 class Outputs(NamedTuple):

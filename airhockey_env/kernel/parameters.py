@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +11,7 @@ from airhockey_env.compiled import compiled, inlined, records
 from airhockey_env.engine.motion import glide_coefficients
 from airhockey_env.kernel.random_stream import draw_between
 from airhockey_env.kernel.state import LEFT, PARAMETERS, PUCK, RIGHT, SHOT_CLOCK
-from airhockey_env.real_numbers import as_float, shown
-from airhockey_env.tables import TableSpec
-
-FIELDS = tuple(field.name for field in dataclasses.fields(TableSpec))
-"""The fields of a `TableSpec`, in the order in which `PARAMETERS` keeps their values."""
+from airhockey_env.tables import FIELDS, TableSpec
 
 (
     LENGTH, WIDTH, GOAL_WIDTH, PUCK_RADIUS, PUCK_MASS, PADDLE_RADIUS, WALL_RESTITUTION, WALL_TANGENTIAL,
@@ -90,38 +83,6 @@ def make_parameters(spec: TableSpec, control_hz: float) -> NDArray[np.void]:
     parameters["clock_limit"] = round(SHOT_CLOCK * control_hz)
     _derive_rows(parameters)
     return parameters
-
-
-def check_ranges(spec: TableSpec, randomize: Mapping[str, Any]) -> NDArray[np.float64]:
-    """What `randomize` means, as (len(FIELDS), 2) least and greatest values.
-
-    Raises:
-        ValueError: a field is unknown, a range is not two finite numbers in order, or some draw from the ranges would
-            be no table. The message names the field.
-    """
-    if not isinstance(randomize, Mapping):
-        raise ValueError(f"randomize must be a mapping from TableSpec fields to (low, high), got {shown(randomize)}")
-    ranges = np.repeat(np.array(dataclasses.astuple(spec))[:, np.newaxis], 2, axis=1)
-    for name, given in randomize.items():
-        if name not in FIELDS:
-            raise ValueError(f"randomize may name {FIELDS}, got {shown(name)}")
-        try:
-            low, high = (as_float(value) for value in given)
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"randomize[{name!r}] must be (low, high), got {shown(given)}") from error
-        if low is None or high is None or not (math.isfinite(low) and math.isfinite(high) and low <= high):
-            raise ValueError(f"randomize[{name!r}] must be two finite numbers, low <= high, got {shown(given)}")
-        ranges[FIELDS.index(name)] = low, high
-    lowest, highest = (dict(zip(FIELDS, ranges[:, side].tolist(), strict=True)) for side in (0, 1))
-    # The fields bind each other in one direction each: if the tightest tables are tables, all are.
-    tightest = {name: lowest[name] for name in ("length", "width", "puck_speed")}
-    tightest.update({name: highest[name] for name in ("puck_radius", "paddle_radius", "paddle_speed")})
-    for fields in (lowest, highest, {**lowest, **tightest}, {**highest, **tightest}):
-        try:
-            TableSpec(**fields)
-        except ValueError as error:
-            raise ValueError(f"randomize {dict(randomize)!r} allows tables that are none: {error}") from error
-    return ranges
 
 
 def spec_of(params: NDArray[np.void]) -> TableSpec:

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from airhockey_env.actions import DIRECTIONS
 from airhockey_env.compiled import compiled, inlined
 from airhockey_env.files import read_arrays, replace
 from airhockey_env.kernel.state import OBSERVATION_SIZE
-from airhockey_env.spaces import DIRECTIONS
 
 ACTIVATIONS = ("tanh", "relu")
 

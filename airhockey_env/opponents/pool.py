@@ -206,7 +206,8 @@ class Pool:
             if not len(rows):
                 continue
             place = int(np.argmax(group_of == number))
-            name = f"the actions of {self.name}" + (f" {place}" if len(self._members) > 1 else "")
+            who = self.name if self.name == "opponent" else f"{self.name} player"
+            name = f"the {who}'s actions" if len(self._members) == 1 else f"the actions of {who} {place}"
             policy = policy_of(self._members[place])
             if rows[-1] - rows[0] == len(rows) - 1:
                 part = slice(int(rows[0]), int(rows[-1]) + 1)

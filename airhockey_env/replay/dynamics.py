@@ -10,14 +10,13 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
+from airhockey_env.actions import DIRECTIONS
 from airhockey_env.checks import NO_LIMIT
 from airhockey_env.game import REWARDS, Game
-from airhockey_env.kernel.parameters import FIELDS
 from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
 from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.opponents.players import NAMES
-from airhockey_env.spaces import DIRECTIONS
-from airhockey_env.tables import TableSpec
+from airhockey_env.tables import FIELDS, TableSpec
 
 ROLLOUT_TABLES, ROLLOUT_STEPS, ROLLOUT_LIMIT = 16, 150, 60
 """The fingerprint's rollout: tables, steps on each, and steps that end an episode."""

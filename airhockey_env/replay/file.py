@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from airhockey_env.actions import DIRECTIONS
 from airhockey_env.checks import check_number
 from airhockey_env.files import parse_json, read_arrays, replace
 from airhockey_env.game import CONTROL_RATES
-from airhockey_env.spaces import DIRECTIONS
 
 FORMAT = 2
 """The version of the files' format."""

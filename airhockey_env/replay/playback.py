@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from numbers import Real
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from airhockey_env._base import draw_row, make_renderer
+from airhockey_env.checks import check_positive
 from airhockey_env.game import Game
 from airhockey_env.kernel.parameters import spec_of, with_specs
 from airhockey_env.opponents.players import NAMES
@@ -50,12 +50,11 @@ def play_back_frames(
     """
     prepared, game = _prepared(replay)
     rate = prepared.control_hz
-    if fps is not None and not (isinstance(fps, Real) and 0.0 < fps <= rate):
-        raise ValueError(f"fps must be greater than 0 and at most the replay's {rate:g} Hz, got {fps!r}")
+    every = 1.0 if fps is None else rate / check_positive("fps", fps, rate)
     renderer = make_renderer(game.spec, size)
 
     def frames() -> Iterator[NDArray[np.uint8]]:
-        shown, every = 0.0, 1.0 if fps is None else rate / fps
+        shown = 0.0
         for number, _ in enumerate(_played(prepared, game)):
             if number >= shown:
                 yield draw_row(renderer, game, 0)

@@ -1,1 +1,1 @@
-"""The parts of the kiss study (python -m scripts.kiss_study): one file a figure, one a peer engine."""
+"""The parts of the kiss study (python -m scripts.kiss_study): one file per figure and one per other engine."""

@@ -12,19 +12,19 @@ from benchmarks.kiss.scenes import RADIUS, Scene
 
 try:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # turned into an error, that of its SWIG crashes Python
+        warnings.simplefilter("ignore", DeprecationWarning)  # as an error, the warning from SWIG would crash Python
         import Box2D
 except ImportError as error:
     raise DependencyNotInstalled('the scenes in Box2D need the extra "study": pip install -e ".[study]"') from error
 
 PACKAGE = "box2d"
-VELOCITY_ITERATIONS, POSITION_ITERATIONS = 8, 3  # what the manual suggests
-LARGEST = 10.0  # m: the manual wants moving bodies of 0.1 m to 10 m
+VELOCITY_ITERATIONS, POSITION_ITERATIONS = 8, 3  # as the manual suggests
+LARGEST = 10.0  # m: the manual recommends moving bodies of 0.1 m to 10 m
 STEP_LIMIT = 2.0  # m: no body moves farther in a step (b2_maxTranslation)
 
 
 class Table:
-    """Bullets, on a table enlarged as far as Box2D allows: that makes its 5 mm of slop as small as can be."""
+    """Bullet bodies on a table that is scaled up as far as Box2D allows, which makes its slop of 5 mm matter least."""
 
     def __init__(self, scene: Scene, hz: float) -> None:
         self.dt = 1.0 / hz
@@ -45,7 +45,7 @@ class Table:
                 walls.CreateEdgeFixture(vertices=[corner, following], friction=0.0, restitution=1.0)
 
     def step(self) -> None:
-        """Play one tick."""
+        """Simulate one tick."""
         self.world.Step(self.dt, VELOCITY_ITERATIONS, POSITION_ITERATIONS)
 
     @property

@@ -17,12 +17,12 @@ except ImportError as error:
 
 PACKAGE = "pymunk"
 SUB_STEPS = 10  # as in the example of Space.step's documentation
-SLOP = 1e-4  # m, overlap that is let be; the default, 0.1, is meant for pixels
+SLOP = 1e-4  # m, overlap that is not corrected; the default, 0.1, is meant for pixels
 WALL = 0.5  # m thick, so that nothing gets through
 
 
 class Table:
-    """Elastic circles between thick walls, ten sub-steps a tick."""
+    """Elastic circles between thick walls, with ten sub-steps per tick."""
 
     def __init__(self, scene: Scene, hz: float) -> None:
         self.dt = 1.0 / hz / SUB_STEPS
@@ -46,7 +46,7 @@ class Table:
         self.space.add(*body, shape)
 
     def step(self) -> None:
-        """Play one tick."""
+        """Simulate one tick."""
         for _ in range(SUB_STEPS):
             self.space.step(self.dt)
 

@@ -1,4 +1,4 @@
-"""The same scenes in other engines: angle error, missed collisions, energy drift, time."""
+"""The same scenes in other engines: angle error, missed collisions, energy drift and time."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from agents.plots import BLUE, GREEN, ORANGE, PINK, new_figure, plain, save_figu
 from benchmarks.kiss.scenes import REACH, Scene, angle, crowd, exact_angle, shot
 
 RATES = (50, 60, 240, 1000)  # Hz
-SPEED, FAST = 10.0, 40.0  # m/s, of the shots: about a human's hardest, and four times that
-STILL = 1e-6  # m/s: slower than this, the struck puck was missed
+SPEED, FAST = 10.0, 40.0  # m/s, of the shots: about the hardest human shot, and four times that
+STILL = 1e-6  # m/s: if the target is slower than this, it was missed
 OURS = "AirTable"
 PEERS = {"Box2D": "box2d", "Chipmunk": "chipmunk", "MuJoCo": "mujoco"}
 COLORS = {OURS: GREEN, "Box2D": ORANGE, "Chipmunk": BLUE, "MuJoCo": PINK}
 MARKERS = {OURS: "^", "Box2D": "s", "Chipmunk": "o", "MuJoCo": "D"}
-FLOOR = {"median_error": 1e-15, "drift": 1e-16}  # less is drawn as this
+FLOOR = {"median_error": 1e-15, "drift": 1e-16}  # smaller values are drawn as this
 
 
 class Table(Protocol):
-    """A scene in some engine, played a tick at a time."""
+    """A scene in any engine, simulated tick by tick."""
 
     def step(self) -> None:
-        """Play one tick."""
+        """Simulate one tick."""
 
     @property
     def positions(self) -> NDArray[np.float64]:
@@ -48,13 +48,13 @@ Open = Callable[[Scene, float], Table]
 
 
 class Ours:
-    """The scene on an `AirTable`, by the exact method."""
+    """The scene on an `AirTable`, with the exact method."""
 
     def __init__(self, scene: Scene, hz: float) -> None:
         self.table, self.dt = scene.table(), 1.0 / hz
 
     def step(self) -> None:
-        """Play one tick."""
+        """Simulate one tick."""
         self.table.step(self.dt)
 
     @property
@@ -69,7 +69,7 @@ class Ours:
 
 
 def available() -> tuple[dict[str, Open], dict[str, str], list[str]]:
-    """The engines that are installed, their versions, and what is to be said of those that are not."""
+    """The installed engines, their versions, and messages about those that are missing."""
     engines: dict[str, Open] = {OURS: Ours}
     versions, missing = {OURS: airhockey_env.__version__}, []
     for name, module in PEERS.items():
@@ -83,9 +83,9 @@ def available() -> tuple[dict[str, Open], dict[str, str], list[str]]:
 
 
 def play_shots(open_table: Open, hz: float, speed: float, offsets: int, phases: int) -> dict[str, float | None]:
-    """Median and worst error of the struck puck's angle in degrees, over a grid of offsets and drawn phases."""
+    """Median and worst error of the target's angle in degrees, over a grid of offsets and random phases."""
     travel = speed / hz
-    rng = np.random.default_rng(0)  # a grid of phases could fall on the boundaries of sub-steps
+    rng = np.random.default_rng(0)  # a grid of phases could coincide with the boundaries of sub-steps
     errors, missed = [], 0
     for share in (np.arange(offsets) + 0.5) / offsets:
         for phase in rng.random(phases):
@@ -105,7 +105,7 @@ def play_shots(open_table: Open, hz: float, speed: float, offsets: int, phases: 
 
 
 def drift(open_table: Open, hz: float, seeds: int, seconds: float) -> float:
-    """Median over crowds of how much of the kinetic energy is lost or gained."""
+    """Relative change of the kinetic energy, median over crowds."""
     changes = []
     for seed in range(seeds):
         scene = crowd(seed)
@@ -117,7 +117,7 @@ def drift(open_table: Open, hz: float, seeds: int, seconds: float) -> float:
 
 
 def times(engines: dict[str, Open], hz: float, rounds: int, seconds: float) -> dict[str, float]:
-    """Processor time a simulated second of a crowd takes, s: medians of rounds in which the engines take turns."""
+    """CPU time per simulated second of a crowd, s: medians over rounds in which the engines are interleaved."""
     spent: dict[str, list[float]] = {name: [] for name in engines}
     for seed in range(rounds + 1):
         for name, open_table in engines.items():
@@ -131,7 +131,7 @@ def times(engines: dict[str, Open], hz: float, rounds: int, seconds: float) -> d
 
 
 def measure(quick: bool) -> dict[str, Any]:
-    """What every engine makes of both scenes, by rate. Only "missing" if no peer is installed."""
+    """Measure every engine on both scenes at every rate. Returns only "missing" if no other engine is installed."""
     engines, versions, missing = available()
     if len(engines) == 1:
         return {"missing": missing}
@@ -156,14 +156,14 @@ def measure(quick: bool) -> dict[str, Any]:
 
 
 def draw(data: dict[str, Any], path: Path) -> None:
-    """Angle error, energy drift, missed collisions and time against the rate."""
+    """Plot angle error, energy drift, missed collisions and time against the rate."""
     figure = new_figure(12.5, 7.0)
     axes = figure.subplots(2, 2)
     rates = sorted({row["hz"] for row in data["rows"]})
     for name in data["versions"]:
         rows = [row for row in data["rows"] if row["engine"] == name]
         style: dict[str, Any] = {"color": COLORS[name], "marker": MARKERS[name], "label": name}
-        style |= {"markersize": 10, "zorder": 1.5} if name == OURS else {"markersize": 6}  # seen behind the others
+        style |= {"markersize": 10, "zorder": 1.5} if name == OURS else {"markersize": 6}  # visible behind the others
         for axis, key, factor in zip(
             axes.flat, ("median_error", "drift", "missed_fast", "time"), (1.0, 100.0, 100.0, 1e3), strict=True
         ):
@@ -188,7 +188,7 @@ def draw(data: dict[str, Any], path: Path) -> None:
 
 
 def table(data: dict[str, Any]) -> list[tuple[str, ...]]:
-    """A row an engine and rate; the best of a rate is bold."""
+    """One row per engine and rate; the best value at each rate is bold."""
     columns: tuple[tuple[str, Callable[[dict[str, Any]], str]], ...] = (
         ("median_error", lambda row: "none seen" if row["median_error"] is None else f"{row['median_error']:.2g}°"),
         ("worst_error", lambda row: "none seen" if row["worst_error"] is None else f"{row['worst_error']:.2g}°"),

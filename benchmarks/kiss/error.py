@@ -1,4 +1,4 @@
-"""How wrong the outgoing angle is, against the travel in a tick and against how thin the hit is."""
+"""Error of the outgoing angle against the travel per tick and against the offset of the hit."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from agents.plots import new_figure, plain, save_figure
 from benchmarks.kiss.scenes import METHODS, RADIUS, REACH, angle, exact_angle, struck
 from benchmarks.style import COLORS, MARKERS
 
-TRAVELS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)  # in a tick, radii
-OFFSETS = tuple(np.linspace(0.05, 0.95, 19))  # of the two radii
+TRAVELS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)  # per tick, in radii
+OFFSETS = tuple(np.linspace(0.05, 0.95, 19))  # as shares of the sum of the radii
 FIXED_TRAVEL = 1.0
-ROUNDING = 1e-14  # degrees: less is drawn as this
+ROUNDING = 1e-14  # degrees: smaller values are drawn as this
 
 
 def _errors(method: str, travel: float, offsets: Iterable[float], phases: int) -> dict[str, float | None]:
-    """Median and worst error in degrees of the shots that hit, and the share of those that passed through."""
+    """Median and worst error of the shots that hit, degrees, and the share of shots that passed through."""
     errors, shots = [], 0
     for share in offsets:
         for phase in (np.arange(phases) + 0.5) / phases:
@@ -36,7 +36,7 @@ def _errors(method: str, travel: float, offsets: Iterable[float], phases: int) -
 
 
 def measure(quick: bool) -> dict[str, Any]:
-    """Errors of the three methods, degrees, over tick phases (and, against the travel, over offsets)."""
+    """Errors of the three methods in degrees, over phases of the tick (and over offsets, for the travel)."""
     phases = 3 if quick else 25
     travels = TRAVELS[2::4] if quick else TRAVELS
     offsets = OFFSETS[::6] if quick else OFFSETS
@@ -49,7 +49,7 @@ def measure(quick: bool) -> dict[str, Any]:
 
 
 def draw(data: dict[str, Any], path: Path) -> None:
-    """Error against travel, error against offset, and what is missed."""
+    """Plot the error against travel and offset, and the share of missed shots."""
     figure = new_figure(12.5, 4.3)
     axes = figure.subplots(1, 3)
     axes[1].sharey(axes[0])
@@ -96,7 +96,7 @@ def _degrees(error: float) -> str:
 
 
 def table(data: dict[str, Any]) -> list[tuple[str, ...]]:
-    """Median and worst error and the share of misses, against the travel."""
+    """Median and worst error and the share of misses for each travel."""
 
     def cell(row: dict[str, Any]) -> str:
         error = "none seen" if row["median"] is None else f"{_degrees(row['median'])} ({_degrees(row['worst'])})"

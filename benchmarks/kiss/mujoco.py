@@ -15,7 +15,7 @@ except ImportError as error:
 
 PACKAGE = "mujoco"
 SUB_STEPS = 10  # as many as Chipmunk gets
-STIFFNESS = 2.0  # of a contact, times the sub-step squared: the stiffest of those tried that keeps the energy
+STIFFNESS = 2.0  # of a contact, times the sub-step squared: the stiffest value tried that conserves energy
 
 MODEL = """
 <mujoco>
@@ -33,7 +33,7 @@ WALL = '<geom type="plane" size="1 1 1" pos="{x} {y} 0" zaxis="{nx} {ny} 0"/>'
 
 
 class Table:
-    """Spheres on two sliders each, between planes; contacts are stiff springs without damping."""
+    """Spheres on two sliders each, between planes. Contacts are stiff springs without damping."""
 
     def __init__(self, scene: Scene, hz: float) -> None:
         timestep = 1.0 / hz / SUB_STEPS
@@ -52,7 +52,7 @@ class Table:
         self.data.qvel[:] = scene.velocities.ravel()
 
     def step(self) -> None:
-        """Play one tick."""
+        """Simulate one tick."""
         mujoco.mj_step(self.model, self.data, SUB_STEPS)
 
     @property

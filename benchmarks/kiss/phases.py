@@ -1,4 +1,4 @@
-"""The pool shot: the same shot, started at other phases of the tick, should go the same way."""
+"""The same shot, started at different phases of the tick, should give the same result."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from benchmarks.kiss.scenes import METHODS, RADIUS, REACH, angle, exact_angle, s
 from benchmarks.style import COLORS, MARKERS
 
 OFFSET = 0.6 * REACH  # m
-TRAVEL = 0.07  # m in a tick: 3.5 m/s at 50 Hz, and never past the overlap
-LENGTH = 1.0  # m, of the way on which the spread is looked at
+TRAVEL = 0.07  # m per tick: 3.5 m/s at 50 Hz, slow enough never to pass through
+LENGTH = 1.0  # m, of the path over which the spread is measured
 
 
 def measure(quick: bool) -> dict[str, Any]:
-    """Angles of the struck puck in degrees, over tick phases."""
+    """Angles of the target in degrees, over phases of the tick."""
     count = 6 if quick else 48
     phases = (np.arange(count) + 0.5) / count
     angles = {}
@@ -28,7 +28,7 @@ def measure(quick: bool) -> dict[str, Any]:
 
 
 def draw(data: dict[str, Any], path: Path) -> None:
-    """The fan of ways that the struck puck takes, for each method; and its angle against the phase."""
+    """Plot the paths of the target for each method, and its angle against the phase."""
     from matplotlib.patches import Circle
 
     figure = new_figure(12.5, 3.6)
@@ -53,7 +53,7 @@ def draw(data: dict[str, Any], path: Path) -> None:
     axes[3].axhline(data["exact"], color=GREY, linewidth=1, zorder=0)
     for method in METHODS:
         values = [np.nan if a is None else a for a in data["angles"][method]]
-        small = method == "continuous"  # drawn inside the other's markers
+        small = method == "continuous"  # drawn inside the other markers
         axes[3].plot(data["phases"], values, color=COLORS[method], marker=MARKERS[method], linestyle="none",
                      markersize=3 if small else 5.5, label=method, zorder=4 if small else 3)  # fmt: skip
     axes[3].set(title="Angle by phase", xlabel="where in a tick the shot starts", ylabel="degrees", xlim=(0, 1))
@@ -64,7 +64,7 @@ def draw(data: dict[str, Any], path: Path) -> None:
 
 
 def table(data: dict[str, Any]) -> list[tuple[str, ...]]:
-    """Least and greatest angle, spread, and shots that passed through."""
+    """Least and greatest angle, spread, worst error, and shots that passed through."""
     rows: list[tuple[str, ...]] = [("method", "least angle", "greatest angle", "spread", "worst error", "missed")]
     for method in METHODS:
         seen = np.array([a for a in data["angles"][method] if a is not None])

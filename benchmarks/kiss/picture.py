@@ -1,4 +1,4 @@
-"""The picture of the source text, redrawn from what the engine finds: the two normals, the triangles, the bounce."""
+"""The picture of the source text, redrawn from the engine's results: the two normals, the triangles, the bounce."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from airhockey_env import AirTable
 from benchmarks.kiss.scenes import RADIUS, REACH, angle
 
 TICK = 0.02  # s
-START, VELOCITY = np.array([-0.19, 0.055]), np.array([8.0, 0.0])  # of the blue puck; the red one rests in the origin
+START, VELOCITY = np.array([-0.19, 0.055]), np.array([8.0, 0.0])  # of the blue puck; the red one rests at the origin
 
 
 def measure(quick: bool) -> dict[str, Any]:
-    """One tick of the blue puck, by the exact method and by the overlap. Lengths in m, angles in degrees."""
+    """One tick of the blue puck with the exact and the overlap method. Lengths in m, angles in degrees."""
     after, contacts, rest = {}, {}, np.zeros(2)
     for method in ("overlap", "continuous"):
         table = AirTable(np.stack([START, rest]), np.stack([VELOCITY, rest]), RADIUS, size=None, method=method)
@@ -72,7 +72,7 @@ def _arrow(axis: Any, place: Any, vector: Any, color: str, line: str) -> None:
 
 
 def draw(data: dict[str, Any], path: Path) -> None:
-    """Three panels: the two normals, the triangles, and what becomes of the pucks."""
+    """Plot three panels: the two normals, the triangles, and the velocities after the bounce."""
     start, end, kiss, foot = (np.array(data[name]) for name in ("start", "end", "kiss", "foot"))
     red = np.zeros(2)
     ideal, approximate = (np.array(data["normal"][method]) for method in ("continuous", "overlap"))
@@ -169,12 +169,12 @@ def draw(data: dict[str, Any], path: Path) -> None:
 
 
 def vector(place: NDArray[np.float64] | list[float]) -> str:
-    """A place in mm."""
+    """Format a position in mm."""
     return f"({1e3 * place[0]:.1f}, {1e3 * place[1]:.1f}) mm"
 
 
 def table(data: dict[str, Any]) -> list[tuple[str, ...]]:
-    """The numbers of the picture."""
+    """The numbers in the picture."""
     return [
         ("quantity", "value"),
         ("start A1 and end A2' of the A' path, seen from B", f"{vector(data['start'])}, {vector(data['end'])}"),

@@ -1,4 +1,4 @@
-"""Time reversal: play a crowd of pucks forward, turn all velocities, play as long again. Are they back?"""
+"""Time reversal: simulate a crowd of pucks, reverse all velocities, and simulate as long again. Do they return?"""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from benchmarks.kiss.scenes import METHODS, Scene, crowd
 from benchmarks.style import COLORS
 
 TICK = 1.0 / 60.0  # s
-BACK = 1e-3  # m: nearer than this to its start, a puck is back
+BACK = 1e-3  # m: a puck has returned if it is closer than this to its start
 FLOOR = 1e-17
 
 
 def there_and_back(scene: Scene, method: str, ticks: int) -> tuple[int, float]:
-    """Contacts of discs on the way there, and the farthest that a puck ends from its start, m."""
+    """Number of contacts between discs on the way forward, and the greatest final distance to the start, m."""
     table = scene.table(method)
     contacts = sum(int((table.step(TICK)["b"] >= 0).sum()) for _ in range(ticks))
     table.velocities[:] *= -1.0
@@ -27,7 +27,7 @@ def there_and_back(scene: Scene, method: str, ticks: int) -> tuple[int, float]:
 
 
 def measure(quick: bool) -> dict[str, Any]:
-    """For each method and seed, (contacts there, distance from the start in m) of longer and longer ways."""
+    """For each method and seed, (contacts on the way forward, final distance in m) for increasing numbers of ticks."""
     seeds = range(2 if quick else 12)
     ways = range(5, 60, 25) if quick else range(5, 255, 5)
     runs = {m: [[there_and_back(crowd(seed), m, ticks) for ticks in ways] for seed in seeds] for m in METHODS}
@@ -35,7 +35,7 @@ def measure(quick: bool) -> dict[str, Any]:
 
 
 def contacts_until_lost(run: list[tuple[int, float]]) -> int:
-    """The most contacts after which all pucks still came back, before the first way from which they did not."""
+    """The most contacts after which all pucks returned, up to the first number of ticks for which they did not."""
     most = 0
     for contacts, distance in run:
         if distance > BACK:
@@ -45,7 +45,7 @@ def contacts_until_lost(run: list[tuple[int, float]]) -> int:
 
 
 def draw(data: dict[str, Any], path: Path) -> None:
-    """Distance from the start against contacts: a thin line a seed."""
+    """Plot the final distance against contacts, with one thin line per seed."""
     figure = new_figure(8.5, 4.3)
     axis = figure.subplots()
     for method in METHODS:
@@ -66,7 +66,7 @@ def draw(data: dict[str, Any], path: Path) -> None:
 
 
 def table(data: dict[str, Any]) -> list[tuple[str, ...]]:
-    """How many contacts each method takes back."""
+    """How many contacts each method can reverse."""
     rows: list[tuple[str, ...]] = [("method", "contacts taken back, median", "least", "most")]
     for method in METHODS:
         counts = [contacts_until_lost(run) for run in data["runs"][method]]

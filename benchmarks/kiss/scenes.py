@@ -1,4 +1,4 @@
-"""The two scenes of the study: a shot whose outcome is known, and a crowd of pucks on a table without losses."""
+"""The two scenes of the study: a shot whose result is known exactly, and a crowd of pucks on a lossless table."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ REACH = 2.0 * RADIUS
 
 @dataclass(frozen=True)
 class Scene:
-    """Equal pucks of mass 1 kg and radius `RADIUS` that lose nothing.
+    """Equal pucks of mass 1 kg and radius `RADIUS`, without losses.
 
     Args:
         positions, velocities: (N, 2) m and m/s.
@@ -30,7 +30,7 @@ class Scene:
 
     @property
     def top_speed(self) -> float:
-        """What a puck could reach if it got all the energy there is, m/s."""
+        """Speed of a puck if it had the energy of all of them, m/s: an upper bound."""
         return float(np.sqrt((self.velocities**2).sum()))
 
     def table(self, method: str = "continuous") -> AirTable:
@@ -39,19 +39,19 @@ class Scene:
 
 
 def shot(speed: float, offset: float, run_up: float) -> Scene:
-    """A fast puck flies along x at a puck that rests in the origin.
+    """A fast puck moves along x towards a target that rests at the origin.
 
     Args:
-        speed: m/s.
-        offset: of the fast puck's line from the resting puck's centre, m; a hit if less than `REACH`.
-        run_up: from the start to the kiss, m.
+        speed: speed of the fast puck, m/s.
+        offset: distance of its path from the centre of the target, m; it hits if this is less than `REACH`.
+        run_up: distance from the start to the kiss, m.
     """
     kiss = -math.sqrt(REACH**2 - offset**2)
     return Scene(np.array([[kiss - run_up, offset], [0.0, 0.0]]), np.array([[speed, 0.0], [0.0, 0.0]]))
 
 
 def exact_angle(offset: float) -> float:
-    """The resting puck leaves along the line of centres at the kiss, degrees from x."""
+    """Direction in which the target leaves, degrees from x: along the line of centres at the kiss."""
     return -math.degrees(math.asin(offset / REACH))
 
 
@@ -61,12 +61,12 @@ def angle(velocity: NDArray[np.float64]) -> float:
 
 
 def struck(method: str, offset: float, run_up: float, travel: float, speed: float = 1.0) -> NDArray[np.float64] | None:
-    """Velocity of the puck that rested, m/s, or None if the fast one passed through.
+    """Velocity of the target after the shot, m/s, or None if the fast puck passed through.
 
     Args:
-        method: of `AirTable`.
-        offset, run_up, speed: as of `shot`.
-        travel: of the fast puck in one tick, m.
+        method: the method of `AirTable`.
+        offset, run_up, speed: see `shot`.
+        travel: distance that the fast puck travels per tick, m.
     """
     table = shot(speed, offset, run_up).table(method)
     for _ in range(math.ceil((run_up + 2.0 * REACH) / travel)):
@@ -76,7 +76,7 @@ def struck(method: str, offset: float, run_up: float, travel: float, speed: floa
 
 
 def crowd(seed: int, pucks: int = 12, speed: float = 2.0, size: tuple[float, float] = (2.0, 1.0)) -> Scene:
-    """Pucks at random places, all of one speed, in random directions."""
+    """Pucks at random positions with equal speeds in random directions."""
     rng = np.random.default_rng(seed)
     room = 0.5 * np.array(size) - RADIUS
     places: list[NDArray[np.float64]] = []

@@ -1,10 +1,10 @@
-/* The default game, AirHockey-v0, in C: what the compiled batch step is measured against.
+/* The default game, AirHockey-v0, in C, as a baseline for the compiled batch step.
  *
- * One point against the striker at full skill, on one table's parameters for all, with states as observations, the sparse
- * reward and automatic resets: the same game as airhockey_env/kernel/step.py with its defaults, and the same numbers to the
- * bit, because every expression is evaluated in the same order (compile without contraction and fast-math:
- * benchmarks/speed/reference.py does). What is general there is not here: there are no tasks, no other players, no
- * randomized tables. The package's modules say why each thing is as it is.
+ * One point against the striker at full skill, with the same table for all environments, state observations, the sparse
+ * reward and automatic resets. This is the same game as airhockey_env/kernel/step.py with its defaults, and it gives the
+ * same bits, because every expression is evaluated in the same order. Compile it without contraction and fast-math, as
+ * benchmarks/speed/build.py does. There are no tasks, other opponents or randomized tables. The modules of the package
+ * explain why things are as they are.
  */
 
 #include <math.h>

@@ -1,4 +1,4 @@
-"""Steps a second of the default game against the size of the batch, beside C and what else there is."""
+"""Steps per second of the default game against the batch size, compared with C and with CartPole batches."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from benchmarks.speed.measure import Effort, Measure, Row, ratio, run, thousands
 
 TITLE = "Batches, thousand steps/s"
 SIZES = (1, 16, 256, 4096, 65_536)
-MOST_SYNC = 256  # SyncVectorEnv takes a Python call a table
-THREADED = 256  # smaller batches are played by one thread
+MOST_SYNC = 256  # SyncVectorEnv makes a Python call per environment
+THREADED = 256  # up to this size, a single thread steps the batch
 OURS, CODE, IN_C = "gym.make_vec", "its compiled step alone", "the same game in C"
 TWO, TWO_CODE = f"{OURS}, two threads", f"{CODE}, two threads"
 NATIVE, SYNC, POOL = "CartPole-v1, Gymnasium's own batch", "CartPole-v1, SyncVectorEnv", "CartPole-v1, EnvPool"
 
 
 def measure(effort: Effort) -> tuple[list[Row], list[str]]:
-    """Rows of every size, and what is to be said of what is missing."""
+    """Rows for every batch size, and notes about what is missing."""
     rows: list[Row] = []
     notes: list[str] = []
     for size in SIZES[:3] if effort.quick else SIZES:
@@ -47,7 +47,7 @@ def measure(effort: Effort) -> tuple[list[Row], list[str]]:
 
 
 def table(rows: list[Row]) -> list[tuple[str, ...]]:
-    """A row a size."""
+    """One row per batch size."""
     everything = (OURS, TWO, CODE, TWO_CODE, IN_C, NATIVE, POOL, SYNC)
     names = [name for name in everything if any(row["what"] == name for row in rows)]
     table: list[tuple[str, ...]] = [("environments", *names, "compiled step relative to C")]

@@ -1,7 +1,7 @@
-"""The game in C (airhockey.c) built by whatever C compiler there is, so that it computes the same numbers with each.
+"""Build the game in C (airhockey.c) with any C compiler, so that it computes the same numbers with each.
 
-A fused multiply-add rounds once where a product and a sum round twice, and where a compiler fuses depends on the
-compiler and on the processor. So there must be none in the object code, which `fused` reads.
+A fused multiply-add rounds once where a product and a sum round twice. Where a compiler uses them depends on the
+compiler and the processor, so the object code must not contain any; `fused` finds them.
 """
 
 from __future__ import annotations
@@ -19,12 +19,10 @@ from pathlib import Path
 from gymnasium.error import DependencyNotInstalled
 
 SOURCE = Path(__file__).with_name("airhockey.c")
-NATIVE = ("-march=native", "-mcpu=native")  # not every compiler has the first for every processor
+NATIVE = ("-march=native", "-mcpu=native")  # not every compiler supports the first one on every processor
 EXACT = "-ffp-contract=off"
-NO_SLP = (
-    "-fno-tree-slp-vectorize"  # gcc's makes one fused operation of a rotation all the same (vfmaddsub), with AVX-512
-)
-FAST = "-fno-math-errno"  # nobody reads errno, and Numba's square roots do not set it either
+NO_SLP = "-fno-tree-slp-vectorize"  # with AVX-512, gcc's SLP vectorizer still makes one fused operation (vfmaddsub)
+FAST = "-fno-math-errno"  # nothing reads errno, and Numba's square roots do not set it either
 FLAGS = (EXACT, NO_SLP, FAST)
 DISASSEMBLERS = ("objdump", "llvm-objdump", "aarch64-linux-gnu-objdump")
 
@@ -32,7 +30,7 @@ _FUSED = re.compile(r"^\s*[0-9a-f]+:\s+(v?f[cn]?m(?:a[^x\s]|l|s)\S*)", re.MULTIL
 
 
 def compiler() -> tuple[str, ...] | None:
-    """The C compiler's command: what the environment variable CC says, else `cc`, else the one that built Python.
+    """Command of the C compiler: the environment variable CC, or else `cc`, or else the one that built Python.
 
     Returns:
         The words of the command, or None if there is no compiler.
@@ -50,7 +48,7 @@ def compiler() -> tuple[str, ...] | None:
 
 
 def compilers() -> list[tuple[str, ...]]:
-    """All that work here: what `compiler` chooses, gcc and clang, each once."""
+    """All compilers that work here: the one that `compiler` chooses, gcc and clang, each once."""
     found: dict[str, tuple[str, ...]] = {}
     for command in filter(None, (compiler(), ("gcc",), ("clang",))):
         path = shutil.which(command[0])
@@ -60,13 +58,13 @@ def compilers() -> list[tuple[str, ...]]:
 
 
 def flags(command: Sequence[str]) -> list[str]:
-    """The flags to build with: fast, exact, and known to the compiler."""
+    """The flags to build with: fast, exact, and supported by the compiler."""
     native = [flag for flag in NATIVE if knows(command, flag)][:1]
     return ["-O3", *native, *(flag for flag in FLAGS if knows(command, flag))]
 
 
 def knows(command: Sequence[str], *options: str) -> bool:
-    """Whether the compiler takes these options."""
+    """Whether the compiler supports these options."""
     with tempfile.TemporaryDirectory(prefix="airhockey") as folder:
         empty, made = Path(folder) / "empty.c", Path(folder) / "empty.o"
         empty.touch()
@@ -74,13 +72,13 @@ def knows(command: Sequence[str], *options: str) -> bool:
 
 
 def build(command: Sequence[str], options: Sequence[str], path: Path, link: bool = True) -> Path:
-    """Make the shared library `path`, or with `link` False the object file, which a cross-compiler can make too.
+    """Build the shared library `path`, or with `link=False` the object file, which a cross-compiler can build too.
 
     Returns:
         The path.
 
     Raises:
-        DependencyNotInstalled: the compiler, or what it needs, is not all there.
+        DependencyNotInstalled: the compiler or something that it needs is missing.
     """
     kind: list[str | Path] = ["-shared", "-fPIC", SOURCE, "-lm"] if link else ["-c", "-fPIC", SOURCE]
     done = subprocess.run(
@@ -94,10 +92,10 @@ def build(command: Sequence[str], options: Sequence[str], path: Path, link: bool
 
 
 def fused(path: Path) -> list[str] | None:
-    """The fused multiply-adds in an object file, by their mnemonics; None where no disassembler here can read it."""
+    """Mnemonics of the fused multiply-adds in an object file; None if no installed disassembler can read it."""
     for tool in filter(None, map(shutil.which, DISASSEMBLERS)):
         read: list[str | Path] = [tool, "-d", "--no-show-raw-insn", path]
         done = subprocess.run(read, capture_output=True, encoding="utf-8", errors="replace")
-        if done.returncode == 0 and "Disassembly" in done.stdout:  # else it does not know the processor
+        if done.returncode == 0 and "Disassembly" in done.stdout:  # otherwise it does not know the processor
             return _FUSED.findall(done.stdout)
     return None

@@ -1,4 +1,4 @@
-"""What the flags cost that the game in C is built with, by every compiler that works here."""
+"""The cost of the compiler flags of the game in C, for every compiler that works here."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ TITLE = "The game in C, one core"
 SIZE = 4096
 COMPILED = "the compiled step of the batch"
 NARROW = ("-mno-fma", "-mno-avx512f")
-FUSING = "-ffp-contract=fast"  # not the same game
+FUSING = "-ffp-contract=fast"  # changes the game's results
 
 
 def variants(command: tuple[str, ...]) -> dict[str, list[str]]:
-    """Flags by what sets them apart from those that the game is built with, which come first."""
+    """Flags by a description of how they differ from those the game is built with, which come first."""
     flags = build.flags(command)
 
     def without(removed: str) -> list[str]:
@@ -37,7 +37,7 @@ def variants(command: tuple[str, ...]) -> dict[str, list[str]]:
 
 
 def measure(effort: Effort) -> tuple[list[Row], list[str]]:
-    """Rows of every compiler and its flags, and what is to be said where there is none. A quick one takes the first."""
+    """Rows for every compiler and its flags, and a note if there is none. A quick run uses the first compiler."""
     n = 256 if effort.quick else SIZE
     measures = [games.compiled(COMPILED, n)]
     known: list[Row] = [{}]
@@ -52,14 +52,14 @@ def measure(effort: Effort) -> tuple[list[Row], list[str]]:
 
 
 def _fused(command: tuple[str, ...], options: list[str]) -> int | None:
-    """How many fused operations there are in the object code, where that can be read."""
+    """Number of fused operations in the object code; None if it cannot be read."""
     with tempfile.TemporaryDirectory(prefix="airhockey") as folder:
         found = build.fused(build.build(command, options, Path(folder) / "airhockey.so"))
     return None if found is None else len(found)
 
 
 def table(rows: list[Row]) -> list[tuple[str, ...]]:
-    """A row for the compiled step and for all flags."""
+    """One row for the compiled step and one for each set of flags."""
     cells: list[tuple[str, ...]] = [("what", "steps/s", "relative to the flags in use", "fused operations")]
     for row in rows:
         share, fused = ratio(rows, row, row.get("first", "")), row.get("fused")

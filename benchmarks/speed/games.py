@@ -1,4 +1,4 @@
-"""The environments to measure, ours and others', each as the work of some steps."""
+"""The environments to measure, ours and others, each as a `Measure` of some steps."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from airhockey_env.game import Game
 from benchmarks.speed.measure import Measure
 
-WARM_UP = 150  # steps: past the first serves, into play
+WARM_UP = 150  # steps, past the first serves
 MAX_STEPS = 1500
 
 
@@ -34,7 +34,7 @@ def _random_actions(num_envs: int) -> list[Any]:
 
 
 def batch(name: str, num_envs: int, threads: int = 1, **arguments: Any) -> Measure:
-    """The default game by `gym.make_vec`, with all that a step hands out, and random actions."""
+    """The default game through `gym.make_vec`, with everything that a step returns, and random actions."""
     envs = gym.make_vec("AirHockey-v0", num_envs=num_envs, num_threads=threads, **arguments)
     envs.reset(seed=0)
     return _repeat(name, num_envs, envs.step, _random_actions(num_envs), threads)
@@ -47,17 +47,17 @@ def _game(num_envs: int, threads: int = 1, **arguments: Any) -> Game:
 
 
 def compiled(name: str, num_envs: int, threads: int = 1) -> Measure:
-    """The compiled step of the batch alone."""
+    """Only the compiled step of the batch."""
     return _repeat(name, num_envs, _game(num_envs, threads).step, _random_actions(num_envs), threads)
 
 
 def in_c(
     name: str, num_envs: int, command: tuple[str, ...] | None = None, flags: tuple[str, ...] | None = None
 ) -> Measure:
-    """The same game in hand-written C, built by a compiler's command with flags.
+    """The same game in hand-written C, built with the command of a compiler and flags.
 
     Raises:
-        DependencyNotInstalled: there is no C compiler, or it does not work.
+        DependencyNotInstalled: there is no working C compiler.
     """
     from benchmarks.speed.reference import CGame, library
 
@@ -65,7 +65,7 @@ def in_c(
 
 
 def both_sides(name: str, num_envs: int) -> Measure:
-    """Both players from outside."""
+    """A batch in which the caller controls both players."""
     game = _game(num_envs, right=None)
     actions = _random_actions(num_envs)
     return _repeat(name, num_envs, lambda action: game.step(action, actions[0]), actions)
@@ -77,7 +77,7 @@ def _cart_actions(num_envs: int) -> list[Any]:
 
 
 def cart_poles(name: str, num_envs: int, mode: str) -> Measure:
-    """Gymnasium's CartPole-v1 as a batch: "sync" or "vector_entry_point"."""
+    """Gymnasium's CartPole-v1 as a batch; `mode` is "sync" or "vector_entry_point"."""
     envs = gym.make_vec("CartPole-v1", num_envs=num_envs, vectorization_mode=mode)
     envs.reset(seed=0)
     return _repeat(name, num_envs, envs.step, _cart_actions(num_envs))
@@ -87,7 +87,7 @@ def env_pool(name: str, num_envs: int, threads: int = 1) -> Measure:
     """EnvPool's CartPole-v1.
 
     Raises:
-        ImportError: EnvPool is not installed, or not all of it.
+        ImportError: EnvPool or a part of it is not installed.
     """
     try:
         with warnings.catch_warnings():
@@ -96,13 +96,13 @@ def env_pool(name: str, num_envs: int, threads: int = 1) -> Measure:
 
             envs = envpool.make("CartPole-v1", env_type="gymnasium", num_envs=num_envs, num_threads=threads)
             envs.reset()
-    except OSError as error:  # its data are packages of their own
+    except OSError as error:  # its data are in separate packages
         raise ImportError(str(error)) from error
     return _repeat(name, num_envs, envs.step, _cart_actions(num_envs), threads)
 
 
 def single(name: str, env: Any) -> Measure:
-    """One environment with what wrappers it has, and random actions."""
+    """One environment with its wrappers, and random actions."""
     env.reset(seed=0)
     env.action_space.seed(0)
     actions = [env.action_space.sample() for _ in range(64)]
@@ -119,7 +119,7 @@ def single(name: str, env: Any) -> Measure:
 
 
 def pictures(name: str) -> Measure:
-    """Pictures of one table, of the default size."""
+    """Rendering of one environment at the default size."""
     env = gym.make("AirHockey-v0", render_mode="rgb_array")
     env.reset(seed=0)
     return Measure(name, 1, 20, lambda: [env.render() for _ in range(20)])

@@ -1,4 +1,4 @@
-"""What is measured, and how: everything takes turns, so that whatever else the machine does strikes all alike."""
+"""Timing in interleaved rounds, so that other load on the machine affects everything equally."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Effort:
-    """How much to measure: `rounds` of about `seconds` each; `quick` leaves out what is large."""
+    """How much to measure: `rounds` of about `seconds` each; `quick` leaves out large measurements."""
 
     rounds: int
     seconds: float
@@ -23,10 +23,11 @@ class Measure:
     """One thing to measure.
 
     Args:
-        name: what it is.
-        at: its size, where it is measured at several: tables of a batch, pucks.
-        steps: how many `work` does.
-        threads: by more than one, it is timed by the clock on the wall; else by the processor's time.
+        name: what is measured.
+        at: its size, if it is measured at several: environments in a batch, or pucks.
+        steps: number of steps that a call of `work` makes.
+        work: the function to time.
+        threads: number of threads. One thread is timed by CPU time, several by wall time.
     """
 
     name: str
@@ -40,7 +41,7 @@ Row = dict[str, Any]
 
 
 def run(measures: list[Measure], effort: Effort) -> list[Row]:
-    """Steps per second of each measure, median and best of rounds in which all take turns."""
+    """Steps per second of each measure: median and best over interleaved rounds."""
     speeds: list[list[float]] = [[] for _ in measures]
     for measure in measures:
         measure.work()
@@ -65,11 +66,11 @@ def run(measures: list[Measure], effort: Effort) -> list[Row]:
 
 
 def ratio(rows: list[Row], row: Row, to: str) -> float | None:
-    """The row's speed as a multiple of that of `to` at the same size; None if that was not measured."""
+    """Speed of a row divided by that of `to` at the same size; None if that was not measured."""
     other = next((r["per_second"] for r in rows if r["what"] == to and r["at"] == row["at"]), None)
     return None if other is None else row["per_second"] / other
 
 
 def thousands(speed: float) -> str:
-    """Thousand steps a second, in three figures or more."""
+    """Format thousand steps per second, with three digits or more."""
     return f"{speed / 1e3:,.1f}" if speed < 1e5 else f"{speed / 1e3:,.0f}"

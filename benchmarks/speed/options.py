@@ -1,4 +1,4 @@
-"""What the options of the game cost, in a batch on one core; and pictures."""
+"""The cost of the game's options, in a batch on one core, and of rendering."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DEFAULT = "default: striker, states, sparse reward"
 
 
 def measure(effort: Effort) -> tuple[list[Row], list[str]]:
-    """Rows, and nothing to be said."""
+    """Rows for all options; there are no notes."""
     n = 256 if effort.quick else SIZE
     ranges = {"wall_restitution": (0.7, 0.9), "puck_mass": (0.03, 0.05)}
     measures = [
@@ -37,7 +37,7 @@ def measure(effort: Effort) -> tuple[list[Row], list[str]]:
 
 
 def table(rows: list[Row]) -> list[tuple[str, ...]]:
-    """A row each."""
+    """One row per option."""
     head = ("what", "environments", "steps/s", "relative to the default", f"relative to {CART}")
     cells: list[tuple[str, ...]] = [head]
     cart = next(row["per_second"] for row in rows if row["what"] == CART)
@@ -49,5 +49,5 @@ def table(rows: list[Row]) -> list[tuple[str, ...]]:
 
 
 def _times(factor: float) -> str:
-    """Two significant figures below 100; whole numbers from there on."""
+    """Format a factor with two significant digits below 100, and as a whole number from 100 on."""
     return f"{factor:.0f}" if factor >= 99.5 else f"{factor:.2g}"

@@ -1,4 +1,4 @@
-"""The picture of the suite: speed against the size of the batch, and the cost of pucks."""
+"""The figure of the suite: speed against the batch size, and the cost of pucks."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LINES = {
 
 
 def draw(results: dict[str, list[Row]], path: Path) -> None:
-    """Draw what was measured of the two."""
+    """Plot the parts "batch" and "pucks", as far as they were measured."""
     figure = new_figure(12.5, 4.8)
     left, right = figure.subplots(1, 2)
     for name, (color, marker, line) in LINES.items():

@@ -1,7 +1,7 @@
-"""What a step of a table costs against the number of pucks, on `AirTable` and in other engines.
+"""The cost of a tick against the number of pucks, for `AirTable` and other engines.
 
-The scenes are those of the kiss study, on a table that grows with the pucks, 50 ticks a second: all pucks at 2 m/s, or
-two of them while the others rest.
+The scenes are those of the kiss study, on a table that grows with the number of pucks, at 50 ticks per second: all
+pucks move at 2 m/s, or two of them do while the others rest.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ SPEED = 2.0  # m/s
 
 
 def scene(pucks: int, still: bool) -> Scene:
-    """Pucks as far apart as the kiss study's twelve."""
+    """A crowd with the density of the kiss study's twelve pucks; with `still`, only two pucks move."""
     side = max(1.0, np.sqrt(pucks / 12))
     made = crowd(0, pucks, SPEED, (2.0 * side, side))
     if not still:
@@ -34,7 +34,7 @@ def scene(pucks: int, still: bool) -> Scene:
 
 
 def _measure(name: str, open_table: Open, pucks: int, still: bool) -> Measure:
-    """Two seconds, then from the start again: two pucks would wake all the others up."""
+    """Two seconds, then again from the start: later, two moving pucks would have set all others in motion."""
     start = scene(pucks, still)
 
     def work() -> None:
@@ -46,7 +46,7 @@ def _measure(name: str, open_table: Open, pucks: int, still: bool) -> Measure:
 
 
 def measure(effort: Effort) -> tuple[list[Row], list[str]]:
-    """Rows of every number of pucks, and what is to be said of engines that are missing."""
+    """Rows for every number of pucks, and notes about missing engines."""
     engines, _, notes = available()
     rows: list[Row] = []
     for pucks in PUCKS[:2] if effort.quick else PUCKS:
@@ -57,7 +57,7 @@ def measure(effort: Effort) -> tuple[list[Row], list[str]]:
 
 
 def table(rows: list[Row]) -> list[tuple[str, ...]]:
-    """A row for every number of pucks."""
+    """One row per number of pucks."""
     names = list(dict.fromkeys(row["what"] for row in rows))
     cells: list[tuple[str, ...]] = [("pucks", *(f"{name}, µs a tick" for name in names))]
     for pucks in sorted({row["at"] for row in rows}):

@@ -1,4 +1,4 @@
-"""The default game in hand-written C (airhockey.c), built where it is needed and called through ctypes."""
+"""The default game in hand-written C (airhockey.c), built when needed and called through ctypes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from benchmarks.speed import build
 
 
 def _part(dtype: np.dtype, names: str) -> np.dtype:
-    """A record of some of the fields, laid out as C does."""
+    """A record type of some of the fields, with the memory layout of C."""
     return np.dtype([(name, dtype[name]) for name in names.split()], align=True)
 
 
@@ -38,10 +38,10 @@ OUTPUTS = (
 
 @functools.cache
 def library(command: tuple[str, ...] | None = None, flags: tuple[str, ...] | None = None) -> ctypes.CDLL:
-    """The game, built once a process by a compiler's command with flags; as `build` chooses them where not given.
+    """Build and load the game, once per process. `build` chooses the compiler and the flags if they are not given.
 
     Raises:
-        DependencyNotInstalled: there is no C compiler, or it does not work.
+        DependencyNotInstalled: there is no working C compiler.
     """
     command = command or build.compiler()
     if command is None:
@@ -58,7 +58,7 @@ def library(command: tuple[str, ...] | None = None, flags: tuple[str, ...] | Non
 
 
 def outputs_of(game: Game, name: str) -> NDArray[np.generic]:
-    """A game's output as the game in C has it, a copy."""
+    """Copy of a game's output in the layout of the game in C."""
     if name == "right_reward":
         return game.out.reward[RIGHT].copy()
     output = getattr(game.out, name)
@@ -66,22 +66,22 @@ def outputs_of(game: Game, name: str) -> NDArray[np.generic]:
 
 
 class CGame:
-    """Tables of the default game, played by the C code from the state of a `Game`.
+    """Tables of the default game, stepped by the C code from the state of a `Game`.
 
     Attributes:
         states: (N,) records of `C_STATE`.
-        out: arrays by the names of `OUTPUTS`, as those of `Game.out`; of the left player where it has two.
+        out: arrays by the names in `OUTPUTS`, like those of `Game.out`, for the left player where that has both.
     """
 
     def __init__(self, game: Game, code: ctypes.CDLL | None = None) -> None:
-        """Take over the states, the parameters and the settings of `game`, which is left as it is.
+        """Copy the states, the parameters and the settings of `game`, which does not change.
 
         Args:
-            game: the game to go on with.
-            code: its steps, `library()` by default.
+            game: the game to continue.
+            code: the loaded C library, `library()` by default.
 
         Raises:
-            DependencyNotInstalled: there is no C compiler, or it does not work.
+            DependencyNotInstalled: there is no working C compiler.
         """
         self._library = code or library()
         n = game.num_tables
@@ -97,19 +97,19 @@ class CGame:
         self._shape = (n, 2)
 
     def take(self, game: Game) -> None:
-        """Go on from the state of the game's tables."""
+        """Copy the state of the game's tables."""
         for name in C_STATE.names or ():
             self.states[name] = game.states[name]
 
     def reset(self) -> None:
-        """Begin an episode on every table."""
+        """Start an episode on every table."""
         self._library.reset_rows(0, len(self.states), *self._fixed, self._pointers)
 
     def step(self, actions: NDArray[np.float32]) -> None:
-        """Play one step on every table; the results lie in `out`.
+        """Play one step on every table and write the results to `out`.
 
         Raises:
-            ValueError: the actions are not (N, 2) float32, one after the other.
+            ValueError: the actions are not a contiguous float32 array of shape (N, 2).
         """
         if actions.shape != self._shape or actions.dtype != np.float32 or not actions.flags.c_contiguous:
             raise ValueError(f"actions must be contiguous float32 of shape {self._shape}, got {actions!r}")

@@ -1,4 +1,4 @@
-"""One table: where the time of a step goes."""
+"""One environment: where the time of a step is spent."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import gymnasium as gym
 from benchmarks.speed import games
 from benchmarks.speed.measure import Effort, Row, ratio, run
 
-TITLE = "One table"
+TITLE = "One environment"
 MADE, RAW, CODE = "gym.make", "AirHockeyEnv, without wrappers", "its compiled step alone"
 CART, CART_RAW = "CartPole-v1, gym.make", "CartPole-v1, without wrappers"
 
 
 def measure(effort: Effort) -> tuple[list[Row], list[str]]:
-    """Rows, and nothing to be said."""
+    """Rows for the environment and its parts; there are no notes."""
     measures = [
         games.single(MADE, gym.make("AirHockey-v0")),
         games.single(RAW, gym.make("AirHockey-v0").unwrapped),
@@ -25,7 +25,7 @@ def measure(effort: Effort) -> tuple[list[Row], list[str]]:
 
 
 def table(rows: list[Row]) -> list[tuple[str, ...]]:
-    """A row each."""
+    """One row per measure, and one per part of a step."""
     cells: list[tuple[str, ...]] = [("what", "steps/s", "µs a step", f"relative to {CART}")]
     for row in rows:
         speed = row["per_second"]

@@ -1,4 +1,4 @@
-"""Before the first step: memory, import, compiling, and a start from the cache."""
+"""Start-up: memory, import time, compilation, and the start from the cache."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PLAY = (
 
 
 def measure(effort: Effort) -> tuple[list[Row], list[str]]:
-    """Rows, and nothing to be said. A quick one does not compile."""
+    """Rows for memory and times; there are no notes. A quick run does not compile."""
     state = STATE.itemsize
     memory = state + sum(array.nbytes for array in Game(1).out)
     rows: list[Row] = [
@@ -49,5 +49,5 @@ def measure(effort: Effort) -> tuple[list[Row], list[str]]:
 
 
 def table(rows: list[Row]) -> list[tuple[str, ...]]:
-    """A row each."""
+    """One row per value."""
     return [("what", "value"), *((row["what"], f"{row['value']:.4g} {row['unit']}") for row in rows)]

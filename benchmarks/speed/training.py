@@ -1,4 +1,4 @@
-"""Stable-Baselines3's PPO over the batch, end to end, and how much of it is the environment."""
+"""Stable-Baselines3's PPO over the batch, end to end, and the environment's share of the time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ UPDATES = 10
 
 
 def measure(effort: Effort) -> tuple[list[Row], list[str]]:
-    """One row, after the first updates, and nothing to be said."""
+    """One row, measured after the first update; there are no notes."""
     import torch
 
     from agents.training.ppo import TrainArgs, make_env, make_model
@@ -43,6 +43,6 @@ def measure(effort: Effort) -> tuple[list[Row], list[str]]:
 
 
 def table(rows: list[Row]) -> list[tuple[str, ...]]:
-    """The row."""
+    """The row as a table."""
     cells = [(row["what"], f"{row['per_second']:,.0f}", f"{row['share']:.0%}") for row in rows]
     return [("what", "steps/s", "share of time in the environment"), *cells]

@@ -34,6 +34,7 @@ ARGUMENTS = [
     *({"reward": name} for name in ("sparse", "shaped")),
     *({"control_hz": rate} for rate in (10, 50, 240)),
     {"max_episode_steps": 30},
+    {"camera": "robot"},
     {"randomize": {"puck_radius": (0.03, 0.045), "drag_linear": (0.0, 0.5)}},
     {"render_mode": "rgb_array", "render_size": SMALL},
 ]

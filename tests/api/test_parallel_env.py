@@ -17,9 +17,9 @@ import pytest
 from gymnasium.error import DependencyNotInstalled, ResetNeeded
 
 from airhockey_env import AirHockeyEnv
+from airhockey_env.actions import DIRECTIONS
 from airhockey_env.game import OBS_TYPES
 from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
-from airhockey_env.spaces import DIRECTIONS
 from airhockey_env.tables import PRESETS
 from tests.helpers import COPIES, pursue, random_actions, same
 
@@ -279,7 +279,7 @@ def turned(state):
     for field in ("position", "velocity"):
         other[field] = 0.0 - state[field][:, [RIGHT, LEFT, PUCK]]
     other["side"] = -state["side"]
-    for field in ("score", "player", "skill", "wander", "potential"):
+    for field in ("score", "skill", "wander"):
         other[field] = state[field][:, ::-1]
     return other
 

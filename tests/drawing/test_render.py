@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import subprocess
 import sys
 from typing import Any
@@ -156,14 +157,9 @@ BAD = {
 
 @pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in BAD.items() for value in values])
 def test_bad_arguments_are_named(name: str, value: Any) -> None:
-    def use() -> None:
-        if name == "render_size":
-            Renderer(FULL_SIZE, value)
-        else:
-            Renderer(FULL_SIZE, SMALL).draw(**{"positions": REST, name: value})
-
+    size, drawn = (value, {}) if name == "render_size" else (SMALL, {name: value})
     with pytest.raises(ValueError, match=rf"^{name} "):
-        use()
+        Renderer(FULL_SIZE, size).draw(**{"positions": REST, **drawn})
 
 
 @pytest.mark.parametrize("size", [SMALL, (320, 174)])
@@ -355,8 +351,9 @@ def test_window_rejects_frames_that_do_not_fit(pygame) -> None:
     for bad in (np.zeros((96, 52, 3), np.uint8), np.zeros((52, 96, 3)), np.zeros((52, 96), np.uint8)):
         with pytest.raises(ValueError, match=r"^frame "):
             window.show(bad)
-    with pytest.raises(ValueError, match=r"^fps "):
-        Window(SMALL, fps=0.0)
+    for fps in (0.0, math.inf, True):
+        with pytest.raises(ValueError, match=r"^fps must be "):
+            Window(SMALL, fps=fps)
 
 
 def test_missing_pygame_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,6 +12,8 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
+from airhockey_env.sensing.frames import SIGHT, draw_normal
+from airhockey_env.sensing.sb3 import CameraSB3Observation
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import DelayObservation, FrameStackObservation, RescaleObservation
@@ -22,8 +24,6 @@ import airhockey_env  # noqa: F401
 from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.sensing import ROBOT, Camera, CameraObservation, CameraVectorObservation, sense
-from airhockey_env.sensing.frames import SIGHT, draw_normal
-from airhockey_env.sensing.sb3 import CameraSB3Observation
 from tests.helpers import COPIES, random_actions, same
 
 DOCS = Path(__file__).parents[2] / "docs" / "sensing.md"

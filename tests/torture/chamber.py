@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from airhockey_env.kernel.parameters import FIELDS
+from airhockey_env.tables import FIELDS
 from tests.torture.cases import Case
 from tests.torture.draws import draw_arguments, draw_operation
 from tests.torture.hostile import Report, play_hostile

@@ -10,11 +10,10 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from airhockey_env.compiled import records
-from airhockey_env.kernel.parameters import FIELDS
 from airhockey_env.kernel.scripted import SCRIPTED
 from airhockey_env.kernel.state import LEFT, RIGHT, STATE
 from airhockey_env.saved_states import game_state
-from airhockey_env.tables import PRESETS
+from airhockey_env.tables import FIELDS, PRESETS
 from tests.torture.apis import FACES
 from tests.torture.cases import encode_state, encoded
 from tests.torture.players import ambush

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from airhockey_env.kernel.parameters import FIELDS, check_ranges
-from airhockey_env.tables import CHALLENGE, FULL_SIZE, IDEAL, TableSpec
+from airhockey_env.tables import CHALLENGE, FIELDS, FULL_SIZE, IDEAL, TableSpec, check_randomize
 
 RATES = (10.0, 24.0, 50.0, 120.0, 240.0)
 SPECS: dict[str, TableSpec] = {
@@ -53,7 +52,7 @@ def random_ranges(spec: TableSpec, rng: np.random.Generator) -> dict[str, tuple[
         pairs = {name: (getattr(spec, name), getattr(other, name)) for name in FIELDS}
         ranges = {name: (min(pair), max(pair)) for name, pair in pairs.items()}
         try:
-            check_ranges(spec, ranges)
+            check_randomize(spec, ranges)
         except ValueError:  # some draws would not fit together
             continue
         return ranges

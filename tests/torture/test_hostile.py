@@ -9,9 +9,8 @@ import pytest
 
 from airhockey_env.engine.records import CONTACT
 from airhockey_env.game import Game
-from airhockey_env.kernel.parameters import FIELDS, check_ranges
 from airhockey_env.kernel.state import CONTACT_ROWS, LEFT, OBSERVATION_SIZE, PUCK, RIGHT
-from airhockey_env.tables import FULL_SIZE
+from airhockey_env.tables import FIELDS, FULL_SIZE, check_randomize
 from tests.torture import hostile, laws, tables
 
 STEPS = 12_000
@@ -174,6 +173,6 @@ def test_the_check_of_a_goal_sees_what_it_is_for(told, failure):
 
 def test_the_check_of_ranges_sees_what_it_is_for():
     game = Game(1, right="idle")
-    assert laws.in_ranges(game.parameters[0], check_ranges(FULL_SIZE, {"length": (FULL_SIZE.length, 2.5)}))
-    assert not laws.in_ranges(game.parameters[0], check_ranges(FULL_SIZE, {"length": (2.4, 2.5)}))
-    assert not laws.in_ranges(game.parameters[0], check_ranges(FULL_SIZE, {"drag_linear": (0.1, 0.2)}))
+    assert laws.in_ranges(game.parameters[0], check_randomize(FULL_SIZE, {"length": (FULL_SIZE.length, 2.5)}))
+    assert not laws.in_ranges(game.parameters[0], check_randomize(FULL_SIZE, {"length": (2.4, 2.5)}))
+    assert not laws.in_ranges(game.parameters[0], check_randomize(FULL_SIZE, {"drag_linear": (0.1, 0.2)}))

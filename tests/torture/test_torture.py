@@ -39,14 +39,14 @@ def test_a_bout_repeats_to_the_bit() -> None:
 
 def lively_walls(monkeypatch: pytest.MonkeyPatch) -> None:
     """Walls that give energy."""
-    good = game.physics_record
+    good = game.make_parameters
 
     def bad(*arguments: object) -> np.ndarray:
-        physics = good(*arguments)
-        physics["wall_restitution"] = 1.3
-        return physics
+        parameters = good(*arguments)
+        parameters["wall_restitution"] = 1.3
+        return parameters
 
-    monkeypatch.setattr(game, "physics_record", bad)
+    monkeypatch.setattr(game, "make_parameters", bad)
 
 
 def forgetful_states(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -75,7 +75,11 @@ def late_rewards(monkeypatch: pytest.MonkeyPatch) -> None:
 def meek_checks(monkeypatch: pytest.MonkeyPatch) -> None:
     """A batch that takes actions that are no numbers."""
     good = game.Game.check_actions
-    monkeypatch.setattr(game.Game, "check_actions", lambda self, actions: good(self, np.nan_to_num(actions)))
+
+    def bad(self: game.Game, seat: int, actions: object) -> np.ndarray:
+        return good(self, seat, None if actions is None else np.nan_to_num(actions))
+
+    monkeypatch.setattr(game.Game, "check_actions", bad)
 
 
 FAULTS = {
