@@ -74,7 +74,7 @@ class _CacheImpl(caching.CompileResultCacheImpl):
 
 
 class _Cache(caching.FunctionCache):
-    """A cache that is no more than a cache: what cannot be read (a damaged file, say) is compiled and written anew."""
+    """A cache that is no more than a cache: what cannot be read (a damaged file, say) is compiled and written again."""
 
     _impl_class = _CacheImpl
 

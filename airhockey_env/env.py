@@ -209,7 +209,7 @@ class AirHockeyEnv(TableEnv, gym.Env):
         """Begin an episode.
 
         Args:
-            seed: starts the table's random stream anew; without it the stream goes on.
+            seed: restarts the table's random stream; without it the stream goes on.
             options: `"serve"`: `"left"`, `"right"` or `"random"`; `"puck_position"`, `"puck_velocity"`: two numbers
                 each, m and m/s.
 

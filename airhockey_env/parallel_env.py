@@ -177,7 +177,7 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
         """Begin an episode.
 
         Args:
-            seed: starts the table's random stream anew; without it the stream goes on.
+            seed: restarts the table's random stream; without it the stream goes on.
             options: `"serve"`: `"left"`, `"right"` or `"random"`; `"puck_position"`, `"puck_velocity"`: two numbers
                 each, m and m/s. `"options"` is ignored: PettingZoo's tests pass it.
 

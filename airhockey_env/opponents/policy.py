@@ -2,7 +2,7 @@
 
 A matrix product of a linear algebra library gives other last bits for other numbers of rows, and `tanh` other ones on
 other machines. Here every row is worked out alone and in a fixed order, so that a policy plays the same game to the
-bit in every face and batch.
+bit in every environment and batch.
 """
 
 from __future__ import annotations

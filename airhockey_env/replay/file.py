@@ -98,10 +98,12 @@ class Replay:
         if not all(seed is None or (type(seed) is int and seed >= 0) for seed in self.seeds):
             raise ValueError("seeds must be whole numbers from 0 up, or null")
         check_number("control_hz", self.arguments["control_hz"], *CONTROL_RATES)
-        takes, steps = len(self.starts), len(self.actions)
+        segments, steps = len(self.starts), len(self.actions)
         shapes = self.starts.shape == self.states.shape == self.ends.shape == (len(self.seeds),)
-        if not shapes or not takes or self.starts.dtype != np.int64:
-            raise ValueError("there must be a start, a state, an end and a seed (or null) of each take, and some takes")
+        if not shapes or not segments or self.starts.dtype != np.int64:
+            raise ValueError(
+                "there must be a start, a state, an end and a seed (or null) of each segment, and some segments"
+            )
         if self.starts[0] != 0 or (np.diff(self.starts) < 0).any() or self.starts[-1] > steps:
             raise ValueError(f"starts must rise from 0 to at most {steps}, got {self.starts}")
         if self.arguments["continuous"] is True:

@@ -20,7 +20,7 @@ from airhockey_env.version import __version__
 
 
 def play_back(replay: Replay | str | Path) -> Iterator[NDArray[np.void]]:
-    """The states of a replay: (1,) records as `AirHockeyEnv.get_state` returns, at each take's start and every step.
+    """The states of a replay: (1,) records as `AirHockeyEnv.get_state` returns, at each segment's start and every step.
 
     Args:
         replay: or the file that holds one.
@@ -28,7 +28,7 @@ def play_back(replay: Replay | str | Path) -> Iterator[NDArray[np.void]]:
     Raises:
         FileNotFoundError: there is no such file.
         ValueError: the file holds no replay; or the dynamics are not those that it was recorded with. The latter is
-            told at once by the fingerprint or, at the latest, at the end of a take.
+            told at once by the fingerprint or, at the latest, at the end of a segment.
     """
     prepared, game = _prepared(replay)
     return (game.get_state() for _ in _played(prepared, game))
@@ -46,7 +46,7 @@ def play_back_frames(
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: as `play_back` has it; or size or fps are out of range.
+        ValueError: as in `play_back`; or size or fps are out of range.
     """
     prepared, game = _prepared(replay)
     rate = prepared.control_hz
@@ -86,7 +86,7 @@ def _prepared(replay: Replay | str | Path) -> tuple[Replay, Game]:
     for states in (replay.states, replay.ends):
         _check_states(replay, game, states)
     if game_state(replay.states)["done"].any():
-        raise ValueError(f"{replay.name} begins a take with a game that is over")
+        raise ValueError(f"{replay.name} begins a segment with a game that is over")
     return replay, game
 
 
@@ -109,9 +109,9 @@ def _check_states(replay: Replay, game: Game, states: NDArray[np.void]) -> None:
 def _played(replay: Replay, game: Game) -> Iterator[None]:
     """Bring the game to the replay's states, one after the other."""
     last = [*replay.starts[1:].tolist(), len(replay)]
-    for take, (start, stop) in enumerate(zip(replay.starts.tolist(), last, strict=True)):
+    for segment, (start, stop) in enumerate(zip(replay.starts.tolist(), last, strict=True)):
         try:
-            game.set_state(replay.states[take : take + 1])
+            game.set_state(replay.states[segment : segment + 1])
         except ValueError as error:
             raise ValueError(f"{replay.name} holds a state that no game can be in: {error}") from error
         yield
@@ -120,7 +120,7 @@ def _played(replay: Replay, game: Game) -> Iterator[None]:
                 raise ValueError(f"{replay.name} goes on after the end of a game, in step {k}")
             play_actions(game, replay.actions[k], replay.right_actions[k] if len(replay.right_actions) else None)
             yield
-        if game.get_state().tobytes() != replay.ends[take].tobytes():
+        if game.get_state().tobytes() != replay.ends[segment].tobytes():
             raise ValueError(
                 f"{replay.name} has not played back the same from step {start} to {stop}: it was recorded with other "
                 f"dynamics, by version {replay.version} of airhockey-env, or is damaged"

@@ -47,10 +47,8 @@ def the_same(game: Game, c_game: CGame) -> None:
 @every_compiler
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
 @pytest.mark.parametrize("play", ["random", "chase"])
-def test_the_c_game_plays_the_same_to_the_bit(
-    autoreset_mode: AutoresetMode, play: str, command: tuple[str, ...]
-) -> None:
-    game = Game(TABLES, autoreset_mode=autoreset_mode, max_episode_steps=200, num_threads=1)
+def test_the_c_game_plays_the_same_to_the_bit(mode: AutoresetMode, play: str, command: tuple[str, ...]) -> None:
+    game = Game(TABLES, autoreset_mode=mode, max_episode_steps=200, num_threads=1)
     game.reset(seed=0)
     c_game = CGame(game, library(command))
     the_same(game, c_game)
