@@ -82,7 +82,7 @@ class _Held:
     """
 
     def __init__(self, policy: Policy, seat: int, skill: float, steps: int) -> None:
-        self._policy, self._seat, self._skill, self._steps = policy, seat, np.float32(skill), steps
+        self.policy, self._seat, self._skill, self._steps = policy, seat, np.float32(skill), steps
         self.forget()
 
     def forget(self) -> None:
@@ -93,7 +93,7 @@ class _Held:
     def act(self, game: Game) -> NDArray[np.float32]:
         """The action (1, 2) for the coming step."""
         if not self._left:
-            answer = self._policy(game.out.observation[self._seat])
+            answer = self.policy(game.out.observation[self._seat])
             self._answer = game.check_actions(self._seat, answer) * self._skill
             self._left = self._steps
         self._left -= 1
@@ -208,6 +208,21 @@ class LiveMatch:
         """Go on after `pause`, when a short rest is over."""
         if self.notice == "paused":
             self._rest(now, START_PAUSE, "paused")
+
+    def replace(self, seat: int, policy: Policy) -> None:
+        """Let another policy play at a seat from the next step on.
+
+        Args:
+            seat: LEFT or RIGHT, where a policy plays.
+            policy: from observations (1, 13) to actions (1, 2).
+
+        Raises:
+            ValueError: no policy plays there.
+        """
+        held = self._policies[seat]
+        if held is None:
+            raise ValueError(f"seat must be one at which a policy plays, got {seat!r}")
+        held.policy = policy
 
     # What to draw -----------------------------------------------------------------------------------------------
 

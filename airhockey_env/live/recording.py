@@ -42,7 +42,7 @@ class Recording:
                 self._end = self._game.get_state()
 
     def replay(self) -> Replay:
-        """What was played, as one take."""
+        """What was played, as one segment."""
         arguments = arguments_of(self._game)
         full = len(self._left) == 2 * self._limit
         right = self._right if arguments["opponent"] is None else array("f")

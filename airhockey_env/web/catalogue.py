@@ -9,6 +9,7 @@ from typing import Any
 from airhockey_env.drawing.palette import COLORS
 from airhockey_env.opponents.players import NAMES, Player
 from airhockey_env.tables import PRESETS, TableSpec
+from airhockey_env.web.runs import Run
 
 
 class Catalogue:
@@ -22,7 +23,7 @@ class Catalogue:
     def __init__(self, players: Mapping[str, Player] | None = None, runs: Mapping[str, Path] | None = None) -> None:
         self.players: dict[str, Player] = {**{name: name for name in NAMES}, **(players or {})}
         self.tables: dict[str, TableSpec] = dict(PRESETS)
-        self.runs: dict[str, Path] = dict(runs or {})
+        self.runs = {name: Run(folder) for name, folder in (runs or {}).items()}
 
     def as_dict(self) -> dict[str, Any]:
         """What a page needs to know of it, ready for JSON."""

@@ -1,8 +1,10 @@
-"""Connections before and between requests: how many there are, and how long a new one may be silent."""
+"""Connections: how many there are, how long a new one may be silent, and how long a visitor may take to read."""
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
+from collections.abc import Iterator
 from typing import Any
 
 from aiohttp import web
@@ -51,3 +53,19 @@ class Connections:
             self._silent.discard(protocol)
             if protocol.transport is not None:
                 protocol.transport.abort()
+
+
+def drop(request: web.Request) -> None:
+    """Close a request's connection without waiting for what is left to be sent."""
+    if request.transport is not None:
+        request.transport.abort()
+
+
+@contextlib.contextmanager
+def time_limit(request: web.Request, seconds: float) -> Iterator[None]:
+    """Drop the request's connection if what is done in here takes longer."""
+    late = asyncio.get_running_loop().call_later(seconds, drop, request)
+    try:
+        yield
+    finally:
+        late.cancel()

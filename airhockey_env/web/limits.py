@@ -40,6 +40,8 @@ class Limits(NamedTuple):
     """The size that an uploaded replay may unpack to."""
     replay_steps: int = 400_000
     """Control steps of an uploaded replay: half an hour of a match."""
+    playback_seconds: float = 60.0
+    """s that playing back an uploaded replay may take."""
     uploads: int = 4
     """Uploads at a time, of all visitors."""
 

@@ -5,14 +5,17 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+from urllib.parse import quote
 
 from aiohttp import WSCloseCode, web
 
 from airhockey_env.web.access import Access
 from airhockey_env.web.assets import Asset, load_assets
 from airhockey_env.web.catalogue import Catalogue
-from airhockey_env.web.connections import Connections
+from airhockey_env.web.connections import Connections, time_limit
 from airhockey_env.web.limits import Limits
+from airhockey_env.web.replays import trajectory
 from airhockey_env.web.sessions import SESSIONS, Session
 from airhockey_env.web.visitor import Visitor
 
@@ -30,6 +33,8 @@ HEADERS = {
     "Cache-Control": "no-cache",
 }
 """Of every answer: pages load nothing from elsewhere, and nobody may frame them."""
+
+_Result = TypeVar("_Result")
 
 _Handle = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -56,6 +61,10 @@ class Server:
             app.router.add_get(f"/static/{name}", self._file(name))
         for kind, session in SESSIONS.items():
             app.router.add_get(f"/session/{kind}", self._session(session))
+        for name in self.catalogue.runs:
+            app.router.add_get(f"/run/{quote(name)}", self._records(name))
+        app.router.add_post("/replay", self._replay)
+        self._uploads = 0
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, keepalive_timeout=30.0)
         self._listener: asyncio.Server | None = None
 
@@ -121,6 +130,43 @@ class Server:
             return response
 
         return handle
+
+    def _records(self, name: str) -> _Handle:
+        run = self.catalogue.runs[name]
+
+        async def handle(request: web.Request) -> web.StreamResponse:
+            return web.json_response(await self._in_thread(run.records))
+
+        return handle
+
+    async def _replay(self, request: web.Request) -> web.StreamResponse:
+        """Play an uploaded replay back."""
+        if self._uploads >= self.limits.uploads:
+            raise web.HTTPServiceUnavailable(text="The server is busy with other replays: try again in a moment.")
+        self._uploads += 1
+        try:
+            content = await asyncio.wait_for(request.read(), self.limits.upload_seconds)
+            return await self._send(request, await self._in_thread(trajectory, content, self.limits))
+        except asyncio.TimeoutError:
+            raise web.HTTPRequestTimeout(text="The upload has taken too long.") from None
+        except ValueError as error:
+            raise web.HTTPUnprocessableEntity(text=str(error)) from None
+        finally:
+            self._uploads -= 1
+
+    async def _send(self, request: web.Request, body: bytes) -> web.StreamResponse:
+        """Answer with much; a page that does not take it in time is dropped."""
+        response = web.StreamResponse(headers={**HEADERS, "Content-Type": "application/octet-stream"})
+        response.content_length = len(body)
+        with time_limit(request, self.limits.upload_seconds):
+            await response.prepare(request)
+            for start in range(0, len(body), 2**16):
+                await response.write(body[start : start + 2**16])
+            await response.write_eof()
+        return response
+
+    async def _in_thread(self, job: Callable[..., _Result], *arguments: object) -> _Result:
+        return await asyncio.get_running_loop().run_in_executor(self._jobs, job, *arguments)
 
     # Sessions ---------------------------------------------------------------------------------------------------
 

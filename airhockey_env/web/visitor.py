@@ -12,6 +12,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from airhockey_env.version import __version__
 from airhockey_env.web.catalogue import Catalogue
+from airhockey_env.web.connections import drop, time_limit
 from airhockey_env.web.limits import Allowance, Limits
 from airhockey_env.web.messages import Refused, encode
 from airhockey_env.web.sessions import Session
@@ -45,7 +46,7 @@ class Visitor:
         except Refused as error:
             await self.end(WSCloseCode.POLICY_VIOLATION, str(error))
         except ConnectionError:  # the page is gone
-            self._abort()
+            drop(self._request)
         except Exception:
             _log.exception("a session has failed")
             await self.end(WSCloseCode.INTERNAL_ERROR, "the server has made a mistake; its log says which")
@@ -56,7 +57,7 @@ class Visitor:
             await self._send({"type": "end", "reason": reason})
             await self._socket.close(code=code, message=reason.encode()[:120])  # a close frame holds 123 bytes
         except (ConnectionError, RuntimeError):
-            self._abort()
+            drop(self._request)
 
     async def _converse(self, session: Session) -> None:
         limits = self._limits
@@ -89,16 +90,8 @@ class Visitor:
 
     async def _send(self, answer: dict[str, Any] | bytes) -> None:
         """Send an answer; a page that does not take it in time is dropped."""
-        late = asyncio.get_running_loop().call_later(self._limits.send_seconds, self._abort)
-        try:
+        with time_limit(self._request, self._limits.send_seconds):
             if isinstance(answer, bytes):
                 await self._socket.send_bytes(answer)
             else:
                 await self._socket.send_str(encode(answer))
-        finally:
-            late.cancel()
-
-    def _abort(self) -> None:
-        """Close the connection without waiting for what is left to be sent."""
-        if self._request.transport is not None:
-            self._request.transport.abort()

@@ -8,7 +8,7 @@ from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
 from airhockey_env.live.match import START_PAUSE, Event, LiveMatch
 from airhockey_env.web.catalogue import dimensions
 from airhockey_env.web.messages import Message, Refused
-from airhockey_env.web.replay_bytes import replay_bytes
+from airhockey_env.web.replays import replay_bytes
 from airhockey_env.web.sessions.base import Answer, Handler, Session
 
 FARTHEST = 10.0

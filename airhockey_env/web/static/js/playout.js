@@ -14,7 +14,8 @@ function between(before, after, share) {
     const [x0, y0] = before.positions[disc];
     return [x0 + share * (x - x0), y0 + share * (y - y0)];
   });
-  return { ...after, positions };
+  const elapsed = before.elapsed + share * (after.elapsed - before.elapsed); // where states say it
+  return { ...after, positions, elapsed };
 }
 
 export class Playout {

@@ -41,6 +41,11 @@ export class Turns {
     }
   }
 
+  /** Note that another question was sent, which will have an answer like the rest. */
+  asked() {
+    this.#sent.push(performance.now() / 1000);
+  }
+
   /** Forget the questions without an answer: there is another session. */
   clear() {
     this.#sent = [];
