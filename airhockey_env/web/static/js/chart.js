@@ -53,7 +53,7 @@ export class Chart {
     this.lines = lines.filter((line) => line.points.length);
     this.goal = goal;
     this.figure.hidden = !this.lines.length;
-    const last = this.lines.map(({ label, points }) => `${label} ${short(points.at(-1)[1])}`).join(", ");
+    const last = this.lines.map(({ label, points }) => `${label} ${short(points.at(-1)[1])}`.trim()).join(", ");
     this.caption.textContent = `${this.title}: ${last}`;
     this.canvas.setAttribute("aria-label", `${this.title}, over steps. Latest: ${last}`);
     this.draw();

@@ -48,7 +48,7 @@ const aim = new Aim(
 
 connection.on("hello", (hello) => {
   ({ palette, tables } = hello);
-  table = new Table(view, palette);
+  table ??= new Table(view, palette);
   setOptions(byId("opponent"), hello.players, "striker");
   setOptions(byId("tables"), Object.keys(tables), "full_size");
   shown ?? showTable();

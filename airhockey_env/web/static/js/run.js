@@ -7,10 +7,10 @@ const EVERY = 3000; // ms
 
 /** Charts: a title, the table of records, its columns with their labels, and the range of the vertical axis. */
 const CHARTS = [
-  ["Won in evaluations", "evaluations", { decided_win_rate: "of decided points", win_rate: "of all points", success_rate: "of episodes" }, [0, 1]],
-  ["Reward of an episode", "updates", { episode_reward: "mean" }, null],
-  ["Length of an episode, steps", "updates", { episode_length: "mean" }, null],
-  ["Entropy of the policy", "updates", { entropy: "mean" }, null],
+  ["Won in evaluations", "evaluations", { decided_win_rate: "decided points", win_rate: "all points", success_rate: "episodes" }, [0, 1]],
+  ["Reward of an episode", "updates", { episode_reward: "" }, null],
+  ["Length of an episode, steps", "updates", { episode_length: "" }, null],
+  ["Entropy of the policy", "updates", { entropy: "" }, null],
 ];
 
 export class RunCurves {
