@@ -6,7 +6,6 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
-from urllib.parse import quote
 
 from aiohttp import WSCloseCode, web
 
@@ -61,8 +60,7 @@ class Server:
             app.router.add_get(f"/static/{name}", self._file(name))
         for kind, session in SESSIONS.items():
             app.router.add_get(f"/session/{kind}", self._session(session))
-        for name in self.catalogue.runs:
-            app.router.add_get(f"/run/{quote(name)}", self._records(name))
+        app.router.add_get("/run/{name}", self._records)
         app.router.add_post("/replay", self._replay)
         self._uploads = 0
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, keepalive_timeout=30.0)
@@ -131,13 +129,12 @@ class Server:
 
         return handle
 
-    def _records(self, name: str) -> _Handle:
-        run = self.catalogue.runs[name]
-
-        async def handle(request: web.Request) -> web.StreamResponse:
-            return web.json_response(await self._in_thread(run.records))
-
-        return handle
+    async def _records(self, request: web.Request) -> web.StreamResponse:
+        """What a training run has recorded so far."""
+        run = self.catalogue.runs.get(request.match_info["name"])
+        if run is None:
+            raise web.HTTPNotFound()
+        return web.json_response(await self._in_thread(run.records))
 
     async def _replay(self, request: web.Request) -> web.StreamResponse:
         """Play an uploaded replay back."""
