@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import json
 from array import array
 
 import numpy as np
@@ -14,6 +16,12 @@ from airhockey_env.version import __version__
 
 MOST_SECONDS = 1800.0
 """s of play that are kept: about 6 MB at 200 control steps a second."""
+
+
+@functools.lru_cache(maxsize=64)
+def _fingerprint(arguments: str) -> str:
+    """The fingerprint of a game by its arguments, as JSON: it takes a rollout, and most matches are of few kinds."""
+    return fingerprint(json.loads(arguments))
 
 
 class Recording:
@@ -48,7 +56,7 @@ class Recording:
         right = self._right if arguments["opponent"] is None else array("f")
         return Replay(
             version=__version__,
-            fingerprint=fingerprint(arguments),
+            fingerprint=_fingerprint(json.dumps(arguments, sort_keys=True)),
             id=None,
             arguments=arguments,
             seeds=(None,),

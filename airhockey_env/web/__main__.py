@@ -19,6 +19,8 @@ from airhockey_env.web.catalogue import Catalogue
 from airhockey_env.web.sessions import SESSIONS
 
 PORT = 8020
+SWITCH_SECONDS = 0.0005
+"""s that a thread with long work keeps the interpreter for itself: a tenth of Python's own, for the sessions' sake."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -110,6 +112,7 @@ async def serve(args: argparse.Namespace) -> None:
     print("Getting ready; the first time takes a while.", flush=True)
     for session in SESSIONS.values():
         session.prepare()
+    sys.setswitchinterval(SWITCH_SECONDS)
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):

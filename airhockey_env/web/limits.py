@@ -16,10 +16,12 @@ class Limits(NamedTuple):
     """The longest message."""
     messages: float = 250.0
     """Messages a second in the long run."""
-    burst: float = 250.0
+    burst: float = 100.0
     """Messages that may come at once."""
     share: float = 0.25
     """The share of the processor's time that a session uses at most; its answers are delayed beyond that."""
+    all_shares: float = 0.8
+    """The share that all sessions use at most: of many, each may use as much of it as the others."""
     share_burst: float = 0.5
     """s of work that a session may do at once after a rest."""
     answer_seconds: float = 0.004
@@ -58,16 +60,18 @@ class Allowance:
         self._rate, self._burst = rate, burst
         self._left, self._since = burst, 0.0
 
-    def spend(self, amount: float, now: float) -> float:
+    def spend(self, amount: float, now: float, rate: float | None = None) -> float:
         """Use some of it.
 
         Args:
             amount: how much.
             now: s, of a clock that never goes back.
+            rate: what is allowed a second from now on; None: as before.
 
         Returns:
             s after which the allowance is not exceeded any more; 0 if it is not.
         """
         self._left = min(self._burst, self._left + (now - self._since) * self._rate) - amount
         self._since = now
+        self._rate = self._rate if rate is None else rate
         return max(0.0, -self._left / self._rate)

@@ -179,7 +179,7 @@ class Server:
             )
             socket.headers.update(HEADERS)
             await socket.prepare(request)
-            visitor = Visitor(request, socket, self.limits, self._jobs)
+            visitor = Visitor(request, socket, self.limits, self._jobs, lambda: len(self.visitors))
             if len(self.visitors) >= self.limits.sessions:
                 await visitor.end(WSCloseCode.TRY_AGAIN_LATER, "the server has no room for another session")
                 return socket

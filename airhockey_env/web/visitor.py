@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
+from collections.abc import Callable
 from concurrent.futures import Executor
 from typing import Any
 
@@ -32,10 +33,18 @@ class Visitor:
         socket: open.
         limits: what the visitor may use.
         jobs: does what takes long.
+        crowd: how many visitors there are.
     """
 
-    def __init__(self, request: web.Request, socket: web.WebSocketResponse, limits: Limits, jobs: Executor) -> None:
-        self._request, self._socket, self._limits, self._jobs = request, socket, limits, jobs
+    def __init__(
+        self,
+        request: web.Request,
+        socket: web.WebSocketResponse,
+        limits: Limits,
+        jobs: Executor,
+        crowd: Callable[[], int],
+    ) -> None:
+        self._request, self._socket, self._limits, self._jobs, self._crowd = request, socket, limits, jobs, crowd
 
     async def serve(self, kind: type[Session], catalogue: Catalogue) -> None:
         """Serve a session of this kind until it ends, whatever ends it."""
@@ -86,7 +95,8 @@ class Visitor:
                 worked = time.perf_counter()
                 if answer is not None:
                     await self._send(answer)
-                await asyncio.sleep(work.spend(worked - now, worked))  # 0 s too: so that the others have their turn
+                share = min(limits.share, limits.all_shares / max(1, self._crowd()))
+                await asyncio.sleep(work.spend(worked - now, worked, share))  # 0 s too: the others have their turn
 
     async def _send(self, answer: dict[str, Any] | bytes) -> None:
         """Send an answer; a page that does not take it in time is dropped."""

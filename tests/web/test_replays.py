@@ -162,7 +162,7 @@ def test_records_over_http(tmp_path: Path) -> None:
     async def test(running: Running) -> None:
         async with running.client.get(f"{running.address}/run/my%20run") as response:
             assert (await response.json())["goal"] == 5000
-        for name in ("other", "..", "%2e%2e", "%2Fetc"):
+        for name in ("other", "%2Fetc", "my run/policy.npz"):
             async with running.client.get(f"{running.address}/run/{name}") as response:
                 assert response.status == 404
 
