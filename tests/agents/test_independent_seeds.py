@@ -92,8 +92,8 @@ def seeded(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, ...]]:
     given: list[tuple[int, ...]] = []
     seed = Game.seed
 
-    def note(self: Game, seeds: Any) -> None:
-        seed(self, seeds)
+    def note(self: Game, *arguments: Any) -> None:
+        seed(self, *arguments)
         given.append(tuple(self.states["stream"].tolist()))
 
     monkeypatch.setattr(Game, "seed", note)
