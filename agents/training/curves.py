@@ -8,13 +8,28 @@ from pathlib import Path
 from typing import Any
 
 from agents.files import COUNT, read_json
-from agents.plots import from_zero, plain, save_figure, steps_unit, time_unit, with_interval
+from agents.plots import (
+    BLUE,
+    GREEN,
+    INK,
+    ORANGE,
+    PINK,
+    RED,
+    RULE,
+    from_zero,
+    new_figure,
+    plain,
+    save_figure,
+    steps_unit,
+    time_unit,
+    with_interval,
+)
 from agents.tables import print_table
 from agents.training.checkpoints import TIMES
 from agents.training.ppo import EVALUATION
 from agents.training.runs import RunFolder
 
-COLORS = ("#2f6fdd", "#e5395b", "#1f9d72", "#b0721f", "#7a4fd0", "#3a4152")
+COLORS = (BLUE, RED, GREEN, ORANGE, PINK, INK)
 
 
 def read_runs(names: Sequence[str]) -> dict[str, dict[str, Any]]:
@@ -58,10 +73,9 @@ def print_curves(runs: dict[str, dict[str, Any]]) -> None:
 
 def draw_curves(runs: dict[str, dict[str, Any]], path: Path) -> None:
     """Draw the shares of decided points won, with 95 % intervals, and of draws, over steps and over time."""
-    from matplotlib.figure import Figure
     from matplotlib.ticker import PercentFormatter
 
-    figure = Figure(figsize=(11, 4.2), layout="constrained")
+    figure = new_figure(11, 4.2)
     axes = figure.subplots(1, 2, sharey=True)
     every = [row for run in runs.values() for row in run["evaluations"]]
     steps, seconds = (max(row[key] for row in every) for key in ("steps", "seconds"))
@@ -79,7 +93,7 @@ def draw_curves(runs: dict[str, dict[str, Any]], path: Path) -> None:
         axis.set(xlabel=label if key == "steps" else f"{label} of training", ylim=(0, 1))
         from_zero(axis, most / scale)
         axis.yaxis.set_major_formatter(PercentFormatter(1.0))
-        axis.axhline(0.9, color="#c9ccd4", linewidth=1, zorder=0)
+        axis.axhline(0.9, color=RULE, linewidth=1, zorder=0)
         plain(axis)
     opponents = " and ".join(sorted({row["opponent"] for row in every}))
     axes[0].set_title(f"Decided points won against {opponents} (dotted: draws)", size=11)

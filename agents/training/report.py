@@ -8,10 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from agents.measuring.evaluation import Result, TaskResult, wilson_interval
-from agents.plots import from_zero, plain, save_figure, steps_unit, with_interval
+from agents.plots import BLUE, GREY, RED, from_zero, new_figure, plain, save_figure, steps_unit, with_interval
 from agents.tables import print_table
-
-RED, BLUE, GREY = "#e5395b", "#2f6fdd", "#8a8f9c"
 
 
 def print_results(results: Sequence[Result]) -> None:
@@ -66,10 +64,9 @@ def draw_training(history: dict[str, Any], title: str, path: Path) -> None:
         title: the title of the picture.
         path: the .png file.
     """
-    from matplotlib.figure import Figure
 
     evaluations, updates = history["evaluations"], history["updates"]
-    figure = Figure(figsize=(11, 6.5), layout="constrained")
+    figure = new_figure(11, 6.5)
     figure.suptitle(title)
     axes = figure.subplots(2, 2)
     most = max((row["steps"] for row in (*evaluations, *updates)), default=0)
