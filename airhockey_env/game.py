@@ -273,14 +273,6 @@ class Game:
         self._keep_observations()
         return self.as_observations(self.out.observation[seat])
 
-    def exact_observations(self, seat: int = LEFT) -> NDArray[np.float32]:
-        """A player's state observations as they would be without a camera, a fresh array: (N, 13)."""
-        if self.cameras[seat] is None:
-            return self.out.observation[seat].copy()
-        exact = make_outputs(self.num_tables, bool(self.randomized))
-        refresh_rows(self._all_rows, self.states, self.parameters, self.settings, exact)
-        return exact.observation[seat]
-
     def contacts(self) -> NDArray[np.void]:
         """The contacts of the last step, a copy: (N, CONTACT_ROWS) records of `CONTACT`.
 
@@ -439,6 +431,14 @@ class Game:
         frames = self.pixels.blank(n, again=rows is None)
         self._threads.share(n, PICTURES_PER_THREAD, self.pixels.draw, observations, parameters, background, frames)
         return frames if frames.shape[-1] > 1 else frames[..., 0]
+
+    def exact_observations(self, seat: int = LEFT) -> NDArray[np.float32]:
+        """A player's state observations as they would be without a camera, a fresh array: (N, 13)."""
+        if self.cameras[seat] is None:
+            return self.out.observation[seat].copy()
+        exact = make_outputs(self.num_tables, bool(self.randomized))
+        refresh_rows(self._all_rows, self.states, self.parameters, self.settings, exact)
+        return exact.observation[seat]
 
     def check_begun(self, rows: NDArray[Any] | slice = slice(None)) -> None:
         """Raises ResetNeeded if no episode has begun on one of the given tables."""

@@ -69,7 +69,8 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
     or pictures with `obs_type`.
 
     ## Global state
-    `state()` returns the whole table as the left agent sees it, in `state_space`, `Box(-1, 1, (13,), float32)`.
+    `state()` returns the whole table as the left agent sees it, exact even with a camera, in `state_space`,
+    `Box(-1, 1, (13,), float32)`.
 
     ## Rewards
     `reward="sparse"` is +1 for a goal, -1 for a goal against, and else 0: a zero-sum game. `reward="shaped"` adds
@@ -243,14 +244,14 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
         )
 
     def state(self) -> NDArray[np.float32]:
-        """The whole table, as the left agent sees it: (13,) float32.
+        """The whole table as the left agent would see it without a camera: (13,) float32.
 
         Raises:
             gymnasium.error.ResetNeeded: no episode has begun.
         """
         if not self._game.begun:
             raise ResetNeeded("reset before state")
-        return self._game.out.observation[LEFT, 0].copy()
+        return self._game.exact_observations(LEFT)[0]
 
     @one_at_a_time
     def set_state(self, state: NDArray[np.void]) -> None:

@@ -34,6 +34,22 @@ def play_back(replay: Replay | str | Path) -> Iterator[NDArray[np.void]]:
     return (game.get_state() for _ in _played(prepared, game))
 
 
+def play_back_game(replay: Replay | str | Path) -> Iterator[Game]:
+    """The game at the states of a replay, for what a state does not hold: the contacts of the last step, say.
+
+    Args:
+        replay: or the file that holds one.
+
+    Yields:
+        The same game of one table each time, at each start and after every step.
+
+    Raises:
+        FileNotFoundError, ValueError: as for `play_back`.
+    """
+    prepared, game = _prepared(replay)
+    return (game for _ in _played(prepared, game))
+
+
 def play_back_frames(
     replay: Replay | str | Path, *, size: tuple[int, int] | None = None, fps: float | None = None
 ) -> Iterator[NDArray[np.uint8]]:
