@@ -23,8 +23,8 @@ class Camera:
     """
 
     camera_hz: float | None = None
-    """Frames per second, 1 to 1000; None: one per control step. The first is taken at the start of an episode. Below the
-    control rate, the last values are kept in between; above it, frames are also taken between control steps."""
+    """Frames per second, 1 to 1000; None: one per control step. The first is taken at the start of an episode. Below
+    the control rate, the last values are kept in between; above it, frames are also taken between control steps."""
     delay_ms: float = 0.0
     """Time from taking a frame until the player has its result, 0 to 1000 ms."""
     jitter_ms: float = 0.0
