@@ -82,7 +82,7 @@ def resolve_camera(camera: str | Camera | Mapping[str, Any]) -> Camera:
     if isinstance(camera, Mapping):
         for name in camera:
             if name not in Camera.__dataclass_fields__:
-                raise ValueError(f"camera must be a mapping of the fields of a Camera, got one with {name!r}")
+                raise fault("camera", f"a mapping whose keys are among {tuple(Camera.__dataclass_fields__)}", name)
         return Camera(**camera)
     raise fault("camera", f"None, one of {tuple(CAMERAS)}, a Camera or a mapping of its fields", camera)
 

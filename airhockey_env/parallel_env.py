@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from airhockey_env._base import TableEnv
 from airhockey_env.cameras import Camera
-from airhockey_env.checks import check_limit, check_seed
+from airhockey_env.checks import check_choice, check_limit, check_seed
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT, RIGHT
 from airhockey_env.spaces import action_space, observation_space
@@ -138,8 +138,7 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
     ) -> None:
-        if not isinstance(task, str) or task not in TASKS:
-            raise ValueError(f"task must be one of {TASKS}, those that both sides share; got {task!r}")
+        check_choice("task", task, TASKS)
         game = Game(
             1,
             task=task,

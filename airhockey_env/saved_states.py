@@ -100,14 +100,14 @@ def check_state(
     table = game_state(saved)
     for name in _FLOATS:
         if not np.isfinite(table[name]).all():
-            raise ValueError(f"state must hold finite numbers, got another in {name!r}")
+            raise ValueError(f"state must hold finite numbers, got one in {name!r} that is not")
     surface = saved["parameters"] if randomized else parameters
     half = np.stack([surface["half_length"], surface["half_width"]], axis=-1)
     if not (np.abs(table["position"]) <= half[:, np.newaxis]).all():
-        raise ValueError("state must have all discs on the table, got a 'position' off it")
+        raise ValueError("state must have all discs on the table, got a 'position' beyond it")
     if randomized and (surface["tick"] != parameters["tick"][0]).any():
         hz = 1.0 / parameters["tick"][0]
-        raise ValueError(f"state must be of a game at control_hz {hz:g}, as this one; got another's")
+        raise ValueError(f"state must be of a game at control_hz {hz:g}, as this one is, got that of another game")
     for name, arrays in zip(CAMERA_NAMES, cameras, strict=True):
         if arrays is not None:
             _check_camera(saved[name], table, surface, arrays)
@@ -137,4 +137,4 @@ def _check_camera(
         and ((state["scale"] == scale).all(axis=(1, 2)) | ~begun).all()
     )
     if not good:
-        raise ValueError("state must hold what its camera could know, got another camera's or a damaged one")
+        raise ValueError("state must hold what this game's camera can know, got another camera's or a damaged state")

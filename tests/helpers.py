@@ -137,7 +137,7 @@ def snapshot(env: Any) -> tuple[Any, ...]:
         other: Any = list(env.agents)
     else:
         sb3 = hasattr(env, "env_method")
-        other = str((env._seeds, env._options) if sb3 else env.np_random.bit_generator.state)
+        other = str((env._actions, env._seeds, env._options) if sb3 else env.np_random.bit_generator.state)
     return game.get_state().tobytes(), game.out.observation.tobytes(), other
 
 

@@ -126,7 +126,9 @@ def step_rows(
             out.began[i] = True
         else:
             left_x, left_y = action_of(state, params, LEFT, drivers[LEFT, i], left_actions[i, 0], left_actions[i, 1])
-            right_x, right_y = action_of(state, params, RIGHT, drivers[RIGHT, i], right_actions[i, 0], right_actions[i, 1])
+            right_x, right_y = action_of(
+                state, params, RIGHT, drivers[RIGHT, i], right_actions[i, 0], right_actions[i, 1]
+            )
             result = step_table(
                 state, params, settings, left_x, left_y, right_x, right_y, out.contacts[i], hits
             )  # fmt: skip

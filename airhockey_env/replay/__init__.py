@@ -33,7 +33,7 @@ the rollout might miss is noticed at the end of a segment.
 
 from airhockey_env.replay.dynamics import arguments_of, fingerprint
 from airhockey_env.replay.file import Replay, is_replay
-from airhockey_env.replay.playback import play_back, play_back_frames
+from airhockey_env.replay.playback import play_back, play_back_frames, play_back_game
 from airhockey_env.replay.wrappers import RecordReplay, RecordVectorReplay
 
 __all__ = [
@@ -45,4 +45,5 @@ __all__ = [
     "is_replay",
     "play_back",
     "play_back_frames",
+    "play_back_game",
 ]

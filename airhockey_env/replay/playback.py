@@ -34,6 +34,22 @@ def play_back(replay: Replay | str | Path) -> Iterator[NDArray[np.void]]:
     return (game.get_state() for _ in _played(prepared, game))
 
 
+def play_back_game(replay: Replay | str | Path) -> Iterator[Game]:
+    """The game at the states of a replay, for what a state does not hold: the contacts of the last step, say.
+
+    Args:
+        replay: or the file that holds one.
+
+    Yields:
+        The same game of one table each time, at each start and after every step.
+
+    Raises:
+        FileNotFoundError, ValueError: as for `play_back`.
+    """
+    prepared, game = _prepared(replay)
+    return (game for _ in _played(prepared, game))
+
+
 def play_back_frames(
     replay: Replay | str | Path, *, size: tuple[int, int] | None = None, fps: float | None = None
 ) -> Iterator[NDArray[np.uint8]]:
@@ -74,7 +90,7 @@ def _prepared(replay: Replay | str | Path) -> tuple[Replay, Game]:
         game = make_game(replay.arguments)
         now = fingerprint(replay.arguments)
     except (TypeError, ValueError, KeyError, AttributeError, OverflowError, RecursionError) as error:
-        raise ValueError(f"{replay.name} holds a game that this version does not have: {error}") from error
+        raise ValueError(f"{replay.name} holds a game that this version cannot play: {error}") from error
     if now != replay.fingerprint:
         raise ValueError(
             f"{replay.name} was recorded with other dynamics, by version {replay.version} of airhockey-env (or on a "
@@ -101,7 +117,7 @@ def _check_states(replay: Replay, game: Game, states: NDArray[np.void]) -> None:
             try:
                 spec_of(params)
             except ValueError as error:
-                raise ValueError(f"{replay.name} holds the physics of no table: {error}") from error
+                raise ValueError(f"{replay.name} holds physics that no table can have: {error}") from error
         if with_specs(states["parameters"], states["parameters"]["spec"]).tobytes() != states["parameters"].tobytes():
             raise ValueError(f"{replay.name} holds physics that do not follow from its table")
 

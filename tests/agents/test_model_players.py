@@ -11,12 +11,13 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecTransposeImage
 
-from agents.human.live_match import START_PAUSE, LiveMatch
 from agents.measuring.evaluation import play_points, play_task
-from agents.models import ModelPlayer, ModelPolicy, load_player
-from agents.training.algorithms import HYPERPARAMS, AlgorithmArgs, train
+from agents.models import ModelPlayer, ModelPolicy, in_one_game, join, load_player
+from agents.training.train import train
+from agents.training.zoo import HYPERPARAMS, ZooArgs
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT
+from airhockey_env.live.match import START_PAUSE, LiveMatch
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from tests.helpers import Call
 
@@ -34,9 +35,9 @@ def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "tiny.yml").write_text(text)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        args = AlgorithmArgs(
+        args = ZooArgs(
             env="AirHockeyDefend-v0", obs_type="rgb", hyperparams=Path("tiny.yml"), name="tiny", steps=8,
-            evaluations=1, eval_episodes=2, report_episodes=2,
+            eval_episodes=2, report_episodes=2, video_seconds=0,
         )  # fmt: skip
         train(args)
     return folder / "runs" / "tiny"
@@ -134,7 +135,9 @@ def test_the_commands_take_a_run_of_pictures(pictures: Path, tmp_path: Path, cal
 
 
 def test_it_plays_against_a_person(pictures: Path) -> None:
-    match = LiveMatch(load_player(str(pictures)), seed=0)
+    player = in_one_game(load_player(str(pictures)))
+    match = LiveMatch(player, seed=0)
+    join(match.game, player)
     match.restart(0.0)
     before = match.positions[1].copy()
     match.advance(START_PAUSE, (0.0, 0.0))

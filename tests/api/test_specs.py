@@ -6,7 +6,6 @@ import dataclasses
 import pickle
 import subprocess
 import sys
-from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -22,7 +21,7 @@ from airhockey_env.parallel_env import AirHockeyParallelEnv
 from airhockey_env.replay import RecordReplay, play_back
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import CHALLENGE, FULL_SIZE
-from tests.helpers import HEAVY, IDS, random_actions, same
+from tests.helpers import HEAVY, IDS, ROOT, random_actions, same
 
 DATA = {
     "nothing": {},
@@ -244,6 +243,6 @@ def test_another_process_makes_the_same_environment(run):
         capture_output=True,
         text=True,
         check=True,
-        cwd=Path(__file__).parents[2],
+        cwd=ROOT,
     )
     assert result.stdout.strip() == observation.tobytes().hex()
