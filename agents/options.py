@@ -117,21 +117,18 @@ def not_default(args: Any) -> list[str]:
     return [field.name for field in dataclasses.fields(args) if getattr(args, field.name) != field.default]
 
 
-def check_resumed(args: Any, kept: Any, given: Any = None) -> None:
+def check_resumed(given: Any, kept: Any) -> None:
     """Check that a run is resumed with its own arguments, because it would ignore others.
 
     Args:
-        args: the arguments of the command. A field with its default value counts as not given.
+        given: the run's own arguments, overridden by those that the caller or the command line gave.
         kept: the run's own arguments.
-        given: if known, the run's own arguments overridden by those on the command line, which also detects arguments
-            that were given with their default value.
 
     Raises:
         ValueError: an argument differs from the run's. The message names its option.
     """
-    names = [field.name for field in dataclasses.fields(kept)] if given is not None else not_default(args)
-    now = args if given is None else given
-    others = [n for n in names if n not in ("resume", "steps") and getattr(now, n) != getattr(kept, n)]
+    names = [field.name for field in dataclasses.fields(kept)]
+    others = [n for n in names if n not in ("resume", "steps") and getattr(given, n) != getattr(kept, n)]
     if others:
         options = " ".join(map(option_name, others))
         raise ValueError(f"--resume goes on with the run's own arguments and --steps alone, got {options}")

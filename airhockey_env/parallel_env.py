@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from airhockey_env._base import TableEnv
 from airhockey_env.cameras import Camera
-from airhockey_env.checks import check_limit, check_seed
+from airhockey_env.checks import check_choice, check_limit, check_seed
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT, RIGHT
 from airhockey_env.spaces import action_space, observation_space
@@ -69,7 +69,8 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
     or pictures with `obs_type`.
 
     ## Global state
-    `state()` returns the whole table as the left agent sees it, in `state_space`, `Box(-1, 1, (13,), float32)`.
+    `state()` returns the whole table as the left agent sees it, exact even with a camera, in `state_space`,
+    `Box(-1, 1, (13,), float32)`.
 
     ## Rewards
     `reward="sparse"` is +1 for a goal, -1 for a goal against, and else 0: a zero-sum game. `reward="shaped"` adds
@@ -137,8 +138,7 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
     ) -> None:
-        if not isinstance(task, str) or task not in TASKS:
-            raise ValueError(f"task must be one of {TASKS}, those that both sides share; got {task!r}")
+        check_choice("task", task, TASKS)
         game = Game(
             1,
             task=task,
@@ -244,14 +244,14 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
         )
 
     def state(self) -> NDArray[np.float32]:
-        """The whole table, as the left agent sees it: (13,) float32.
+        """The whole table as the left agent would see it without a camera: (13,) float32.
 
         Raises:
             gymnasium.error.ResetNeeded: no episode has begun.
         """
         if not self._game.begun:
             raise ResetNeeded("reset before state")
-        return self._game.out.observation[LEFT, 0].copy()
+        return self._game.exact_observations(LEFT)[0]
 
     @one_at_a_time
     def set_state(self, state: NDArray[np.void]) -> None:

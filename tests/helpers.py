@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import airhockey_env
+from airhockey_env.cameras import Camera
 from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
 from airhockey_env.opponents.policy import MlpPolicy
 
@@ -39,6 +40,18 @@ IDS = sorted(
 """Every environment that the package registers."""
 
 COPIES = {"deepcopy": copy.deepcopy, "pickle": lambda thing: pickle.loads(pickle.dumps(thing))}
+
+HEAVY = Camera(
+    camera_hz=77,
+    delay_ms=33,
+    jitter_ms=30,
+    noise_mm=5,
+    opponent_noise_mm=3,
+    velocity_frames=3,
+    dropout=0.2,
+    occlusion_mm=300,
+)
+"""A camera that does all that cameras do, at a rate that is not the control rate's."""
 
 Call = Callable[..., str]
 """The fixture `call`: from a command's name and arguments to what it prints; `fails=True` where it must fail."""
@@ -124,7 +137,7 @@ def snapshot(env: Any) -> tuple[Any, ...]:
         other: Any = list(env.agents)
     else:
         sb3 = hasattr(env, "env_method")
-        other = str((env._seeds, env._options) if sb3 else env.np_random.bit_generator.state)
+        other = str((env._actions, env._seeds, env._options) if sb3 else env.np_random.bit_generator.state)
     return game.get_state().tobytes(), game.out.observation.tobytes(), other
 
 

@@ -41,7 +41,6 @@ CAMERA_STATE = np.dtype(
         ("frame", np.int64),  # number of the next frame
         ("first", np.int64),  # place in the queue of the frame that arrives next
         ("waiting", np.int64),  # frames in the queue
-        ("latest", np.float64),  # when the last of them arrives
         ("known", np.int64, (2,)),  # remembered positions of the opponent's paddle, the puck
         ("next", np.int64, (2,)),  # place in these rings of the next
         ("true", np.float64, (2, 4)),  # x, y, vx, vy of these at the last control step, m and m/s
@@ -218,8 +217,6 @@ def take_frame(state, camera, queue, tick, time, now):
     arrives = time + camera.delay
     if camera.jitter > 0.0:
         arrives += camera.jitter * (2.0 * draw(state) - 1.0)
-    arrives = max(arrives, state.latest)
-    state.latest = arrives
     k = state.first + state.waiting
     if k >= queue.shape[0]:
         k -= queue.shape[0]
@@ -232,7 +229,7 @@ def take_frame(state, camera, queue, tick, time, now):
 
 @inlined
 def receive(state, camera, queue, past, tick):
-    """Make sense of the frames that have arrived by now."""
+    """Take in the frames that have arrived by now. A frame that would overtake another waits for it in the queue."""
     new_other, new_puck = False, False
     while state.waiting > 0 and queue[state.first, ARRIVES] <= state.step + MOMENT:
         k = state.first
@@ -257,7 +254,7 @@ def receive(state, camera, queue, past, tick):
 
 @inlined
 def measure(state, camera, params):
-    """Note the sizes of the table and the scales of its observations, which hold for an episode."""
+    """Note the sizes of the table and the scales of its observations, which stay the same for an episode."""
     state.reach = camera.occlusion + params.radius[RIGHT] + params.radius[PUCK] if camera.occlusion > 0.0 else 0.0
     for disc in range(DISCS):
         per_speed = params.per_paddle if disc == OTHER else params.per_puck
@@ -282,7 +279,7 @@ def show(state, observation):
 
 @compiled
 def start_episode(state, camera, queue, past, params, observation, now):
-    """Begin an episode: its first frame is seen at once, whole, and nothing is left of the last episode."""
+    """Begin an episode: its first frame is seen immediately and completely, and nothing of the last episode is kept."""
     queue[:] = 0.0
     past[:] = 0.0
     measure(state, camera, params)
@@ -291,7 +288,6 @@ def start_episode(state, camera, queue, past, params, observation, now):
     state.frame = 1
     state.first = 0
     state.waiting = 0
-    state.latest = 0.0
     for disc in range(DISCS):
         state.known[disc] = 0
         state.next[disc] = 0
@@ -308,7 +304,7 @@ def start_episode(state, camera, queue, past, params, observation, now):
 
 @compiled
 def follow(state, camera, queue, past, observation, now):
-    """Go one control step on."""
+    """Follow the game for one control step."""
     tick = 1.0 / camera.control_hz
     look(state, observation, now)
     state.step += 1
@@ -325,7 +321,7 @@ def follow(state, camera, queue, past, observation, now):
 
 @compiled
 def follow_rows(first, last, player, parameters, cameras, out):
-    """What a player's camera makes of a step of the tables `first` to `last` (excluded), after `step_rows`.
+    """Let a player's camera follow a step of the tables `first` to `last` (excluded), after `step_rows`.
 
     Args:
         player: LEFT or RIGHT.
@@ -348,7 +344,7 @@ def follow_rows(first, last, player, parameters, cameras, out):
 
 @compiled
 def start_rows(rows, player, parameters, cameras, out):
-    """Begin an episode on each of the given tables, as a player's camera sees it, after `reset_rows`."""
+    """Let a player's camera begin an episode on each of the given tables, after `reset_rows`."""
     camera = cameras.camera[0]
     now = np.empty(4 * DISCS)
     for k in range(rows.shape[0]):
@@ -359,6 +355,6 @@ def start_rows(rows, player, parameters, cameras, out):
 
 @compiled
 def show_rows(rows, player, cameras, out):
-    """What a player knows of each of the given tables, after `refresh_rows`."""
+    """Show what a player's camera has seen of each of the given tables, after `refresh_rows`."""
     for k in range(rows.shape[0]):
         show(cameras.states[rows[k]], out.observation[player, rows[k]])

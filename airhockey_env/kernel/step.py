@@ -34,6 +34,10 @@ class Result(NamedTuple):
     n_contacts: int
 
 
+ROOM = np.dtype([("hits", np.int32, (3,))])
+"""Room for the engine to work in. It is a record, because numba counts the references to other arrays in every call."""
+
+
 @inlined
 def step_table(state, params, settings, left_x, left_y, right_x, right_y, contacts, hits):
     """Play one step of one table.
@@ -41,7 +45,7 @@ def step_table(state, params, settings, left_x, left_y, right_x, right_y, contac
     Args:
         left_x, left_y, right_x, right_y: the players' actions, each as that player sees the table.
         contacts: (CONTACT_ROWS,) `CONTACT`; written.
-        hits: (3,) room for the engine's counts.
+        hits: (3,) int32, room for the engine's counts.
     """
     before = potentials(state, params, settings)
     drive(state, params, LEFT, left_x, left_y)
@@ -90,11 +94,10 @@ def begin(state, params, settings, ranges, side):
 
 
 @inlined
-def action_of(state, params, player, drivers, actions, i):
-    """A player's action: the caller's or a policy's, or that of the scripted player who drives this paddle."""
-    driver = drivers[player, i]
+def action_of(state, params, player, driver, x, y):
+    """A player's action: (x, y) of the caller or a policy, or that of the scripted player who drives this paddle."""
     if driver == EXTERNAL:
-        return float(actions[i, 0]), float(actions[i, 1])
+        return float(x), float(y)
     return scripted_action(state, params, player, driver)
 
 
@@ -114,20 +117,29 @@ def step_rows(
         out: `Outputs`; written in place.
     """
     settings = game_settings[0]
-    hits = np.zeros(3, np.int32)
+    room = np.zeros(1, ROOM)
     for i in range(first, last):
-        state, params = states[i], params_of(parameters, i)
+        state, params, hits = states[i], parameters[i if parameters.shape[0] > 1 else 0], room[0].hits
         if state.done and settings.autoreset == AUTORESET_NEXT_STEP:
             begin(state, params, settings, ranges, 0)
             forget_step(out, i)
             out.began[i] = True
         else:
-            left_x, left_y = action_of(state, params, LEFT, drivers, left_actions, i)
-            right_x, right_y = action_of(state, params, RIGHT, drivers, right_actions, i)
+            left_x, left_y = action_of(state, params, LEFT, drivers[LEFT, i], left_actions[i, 0], left_actions[i, 1])
+            right_x, right_y = action_of(
+                state, params, RIGHT, drivers[RIGHT, i], right_actions[i, 0], right_actions[i, 1]
+            )
             result = step_table(
                 state, params, settings, left_x, left_y, right_x, right_y, out.contacts[i], hits
             )  # fmt: skip
-            report(result, out, i)
+            out.point[i] = result.point
+            out.foul[i] = result.foul
+            out.success[i] = result.success
+            out.reward[LEFT, i] = result.left_reward
+            out.reward[RIGHT, i] = result.right_reward
+            out.terminated[i] = result.terminated
+            out.truncated[i] = result.truncated
+            out.n_contacts[i] = result.n_contacts
             out.began[i] = False
             if state.done and settings.autoreset == AUTORESET_SAME_STEP:
                 keep_final(state, params, settings, out, i)
@@ -165,9 +177,10 @@ def forget_step(out, i):
 @inlined
 def keep_final(state, params, settings, out, i):
     """Keep what the end of an episode looked like, which is about to be replaced by the next one's beginning."""
-    for player in (LEFT, RIGHT):
-        if settings.observed[player]:
-            observe(state, params, player, out.final_observation, i)
+    if settings.observed[LEFT]:
+        observe(state, params, LEFT, out.final_observation, i)
+    if settings.observed[RIGHT]:
+        observe(state, params, RIGHT, out.final_observation, i)
     out.final_score[i, 0], out.final_score[i, 1] = state.score[0], state.score[1]
     if settings.randomized:
         out.final_spec[i, :] = params.spec
@@ -176,9 +189,10 @@ def keep_final(state, params, settings, out, i):
 @inlined
 def observe_table(state, params, settings, out, i):
     """Write what table i looks like: the observations of its players, and its score."""
-    for player in (LEFT, RIGHT):
-        if settings.observed[player]:
-            observe(state, params, player, out.observation, i)
+    if settings.observed[LEFT]:
+        observe(state, params, LEFT, out.observation, i)
+    if settings.observed[RIGHT]:
+        observe(state, params, RIGHT, out.observation, i)
     out.score[i, 0], out.score[i, 1] = state.score[0], state.score[1]
 
 

@@ -90,7 +90,7 @@ def _prepared(replay: Replay | str | Path) -> tuple[Replay, Game]:
         game = make_game(replay.arguments)
         now = fingerprint(replay.arguments)
     except (TypeError, ValueError, KeyError, AttributeError, OverflowError, RecursionError) as error:
-        raise ValueError(f"{replay.name} holds a game that this version does not have: {error}") from error
+        raise ValueError(f"{replay.name} holds a game that this version cannot play: {error}") from error
     if now != replay.fingerprint:
         raise ValueError(
             f"{replay.name} was recorded with other dynamics, by version {replay.version} of airhockey-env (or on a "
@@ -117,7 +117,7 @@ def _check_states(replay: Replay, game: Game, states: NDArray[np.void]) -> None:
             try:
                 spec_of(params)
             except ValueError as error:
-                raise ValueError(f"{replay.name} holds the physics of no table: {error}") from error
+                raise ValueError(f"{replay.name} holds physics that no table can have: {error}") from error
         if with_specs(states["parameters"], states["parameters"]["spec"]).tobytes() != states["parameters"].tobytes():
             raise ValueError(f"{replay.name} holds physics that do not follow from its table")
 

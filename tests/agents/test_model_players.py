@@ -13,7 +13,8 @@ from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecTranspose
 
 from agents.measuring.evaluation import play_points, play_task
 from agents.models import ModelPlayer, ModelPolicy, in_one_game, join, load_player
-from agents.training.algorithms import HYPERPARAMS, AlgorithmArgs, train
+from agents.training.train import train
+from agents.training.zoo import HYPERPARAMS, ZooArgs
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT
 from airhockey_env.live.match import START_PAUSE, LiveMatch
@@ -34,9 +35,9 @@ def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "tiny.yml").write_text(text)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        args = AlgorithmArgs(
+        args = ZooArgs(
             env="AirHockeyDefend-v0", obs_type="rgb", hyperparams=Path("tiny.yml"), name="tiny", steps=8,
-            evaluations=1, eval_episodes=2, report_episodes=2,
+            eval_episodes=2, report_episodes=2, video_seconds=0,
         )  # fmt: skip
         train(args)
     return folder / "runs" / "tiny"

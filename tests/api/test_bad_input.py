@@ -17,6 +17,7 @@ from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.parallel_env import AirHockeyParallelEnv
 from airhockey_env.replay import RecordReplay, Replay, play_back, play_back_frames
+from airhockey_env.saved_states import game_state
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from tests.api.apis import APIS
 from tests.helpers import INF, NAN, begin, handed, pursue, same, shown, snapshot
@@ -251,7 +252,7 @@ def test_states_that_no_table_could_be_in(name, value, randomize):
     """Regression: they were taken, and played on."""
     env = begin(AirHockeyEnv(**randomize))
     state = env.get_state()
-    (state["state"] if randomize else state)[name][..., -1] = value
+    game_state(state)[name][..., -1] = value
     refuses(env, lambda: env.set_state(state), rf"^state .*'{name}'")
 
 
@@ -315,6 +316,6 @@ def test_answers_of_a_callable_opponent(api):
     env = begin(APIS[api](opponent=lambda seen: answers[-1](seen)))
     for answer in (np.zeros((3, 2)), np.zeros(2), None, "left", np.full((env._game.num_tables, 2), NAN)):
         answers.append(lambda seen, answer=answer: answer)
-        refuses(env, lambda: env.step(handed(env, STILL)), "opponent .*got ")
+        refuses(env, lambda: env.step(handed(env, STILL)), "opponent's actions .*got ")
     answers.append(fails)
     refuses(env, lambda: env.step(handed(env, STILL)), "no idea", RuntimeError)

@@ -13,10 +13,11 @@ from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv
 from airhockey_env.kernel.state import STATE
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from tests.api.apis import APIS
-from tests.helpers import COPIES, SHOT, begin, play, pursue, random_actions, same, shown
+from tests.helpers import COPIES, HEAVY, SHOT, begin, handed, play, pursue, random_actions, same, shown
 
 ROWS = 5
 RANDOMIZE = {"randomize": {"width": (1.0, 1.2), "goal_width": (0.3, 0.5)}}
+SEEN = {"camera": HEAVY, **RANDOMIZE}
 
 
 @pytest.fixture(params=APIS.values(), ids=APIS)
@@ -24,7 +25,7 @@ def make(request):
     return request.param
 
 
-@pytest.mark.parametrize("arguments", [{"reward": "shaped"}, {"obs_type": "rgb", **RANDOMIZE}], ids=shown)
+@pytest.mark.parametrize("arguments", [{"reward": "shaped"}, {"obs_type": "rgb", **RANDOMIZE}, SEEN], ids=shown)
 def test_a_state_put_back_goes_on_the_same(make, arguments):
     env = begin(make(max_episode_steps=50, **arguments))
     play(env, 80)
@@ -40,7 +41,7 @@ def test_a_state_put_back_goes_on_the_same(make, arguments):
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
-@pytest.mark.parametrize("arguments", [{"opponent": pursue}, {"obs_type": "rgb", **RANDOMIZE}], ids=shown)
+@pytest.mark.parametrize("arguments", [{"opponent": pursue}, {"obs_type": "rgb", **RANDOMIZE}, SEEN], ids=shown)
 def test_what_is_observed_is_what_a_step_returned(arguments, mode):
     envs, other = (AirHockeyVectorEnv(ROWS, autoreset_mode=mode, max_episode_steps=33, **arguments) for _ in range(2))
     found = [(envs.reset(seed=3)[0], envs.get_state())]
@@ -82,6 +83,18 @@ def test_there_is_nothing_to_see_before_an_episode(make):
         env.observe()
     env.reset()
     env.observe()
+
+
+@pytest.mark.parametrize("arguments", [{}, SEEN], ids=shown)
+def test_a_state_of_before_the_first_episode_needs_a_reset(make, arguments):
+    """Regression: the game went on from it, with all discs in one place."""
+    env = make(**arguments)
+    state = env.get_state()
+    begin(env).set_state(state)
+    for use in (env.observe, lambda: env.step(handed(env, np.zeros((2, 2), np.float32)))):
+        with pytest.raises(ResetNeeded):
+            use()
+    begin(env)
 
 
 def test_there_is_nothing_to_see_of_a_table_before_its_episode():
@@ -152,9 +165,10 @@ def test_states_leave_no_gaps():
 # Copies
 
 
+@pytest.mark.parametrize("arguments", [{}, SEEN], ids=shown)
 @pytest.mark.parametrize("copied", COPIES.values(), ids=COPIES)
-def test_copies_go_on_the_same_and_by_themselves(make, copied):
-    env = begin(make(render_mode="rgb_array", render_size=(64, 48), max_episode_steps=40))
+def test_copies_go_on_the_same_and_by_themselves(make, copied, arguments):
+    env = begin(make(render_mode="rgb_array", render_size=(64, 48), max_episode_steps=40, **arguments))
     play(env, 60)
     env.render()
     other = copied(env)

@@ -139,5 +139,5 @@ def test_a_compiler_that_is_missing_or_broken_is_named(tmp_path: Path, monkeypat
 @needs_compiler
 def test_actions_of_another_kind_are_refused() -> None:
     c_game = CGame(Game(TABLES))
-    with pytest.raises(ValueError, match="actions must be contiguous float32"):
+    with pytest.raises(ValueError, match=r"^actions .*float32"):
         c_game.step(np.zeros((TABLES, 2)))
