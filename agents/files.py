@@ -10,7 +10,7 @@ import types
 import typing
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from airhockey_env.files import parse_json, replace
 
@@ -18,14 +18,7 @@ MOST_BYTES = 64 * 2**20
 """Greatest size of a JSON file. The records of a run with a hundred thousand updates take a third of it."""
 
 
-class Checked(Protocol):
-    """A dataclass of arguments."""
-
-    def check(self) -> None:
-        """Raise ValueError if a field is out of range."""
-
-
-Args = TypeVar("Args", bound=Checked)
+Args = TypeVar("Args")
 
 
 def replace_together(writes: Mapping[Path, Callable[[Path], object]]) -> None:
@@ -44,16 +37,18 @@ def replace_together(writes: Mapping[Path, Callable[[Path], object]]) -> None:
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Write data as indented JSON. Numbers that JSON does not have (NaN, infinity) become null."""
-    text = json.dumps(_finite(data), indent=2, allow_nan=False) + "\n"
+    """Write data as indented JSON. Numbers that JSON does not have (NaN, infinity) become null, and paths text."""
+    text = json.dumps(_plain(data), indent=2, allow_nan=False) + "\n"
     replace(path, lambda part: part.write_text(text, encoding="utf-8"))
 
 
-def _finite(data: Any) -> Any:
+def _plain(data: Any) -> Any:
     if isinstance(data, dict):
-        return {name: _finite(value) for name, value in data.items()}
+        return {name: _plain(value) for name, value in data.items()}
     if isinstance(data, (list, tuple)):
-        return [_finite(value) for value in data]
+        return [_plain(value) for value in data]
+    if isinstance(data, Path):
+        return str(data)
     return None if isinstance(data, float) and not math.isfinite(data) else data
 
 
@@ -96,7 +91,7 @@ def read_json(path: Path, pattern: Any = None) -> Any:
     """
     size = path.stat().st_size
     if size > MOST_BYTES:
-        raise ValueError(f"{path} has {size:,} bytes, and may have {MOST_BYTES:,}")
+        raise ValueError(f"{path} has {size:,} bytes, and at most {MOST_BYTES:,} are allowed")
     try:
         data = parse_json(path.read_text(encoding="utf-8"))
     except ValueError as error:  # of the text or of its encoding
@@ -133,12 +128,12 @@ def _brief(value: Any) -> str:
 
 
 def read_arguments(path: Path, arguments: type[Args], beside: Sequence[str] = ()) -> Args:
-    """Read and check the arguments in the config.json of a run.
+    """Read the arguments in the config.json of a run. This checks their types, not their ranges.
 
     Args:
         path: the file.
-        arguments: a dataclass whose fields are numbers, texts, paths or tuples of these. Fields that are missing in the
-            file get their defaults. Its method `check` raises ValueError if a field is out of range.
+        arguments: a dataclass whose fields are numbers, texts, paths, tuples of these, or dictionaries. Fields that are
+            missing in the file get their defaults.
         beside: names that the file may contain in addition.
 
     Raises:
@@ -153,17 +148,14 @@ def read_arguments(path: Path, arguments: type[Args], beside: Sequence[str] = ()
         if name in beside:
             continue
         if name not in fields:
-            raise ValueError(f"{path}: {name!r} is no argument of this version")
+            raise ValueError(
+                f"{path}: {name!r} is no option of this version; resume the run with the version that began it"
+            )
         try:
             values[name] = _typed(value, hints[name])
         except TypeError as error:
             raise ValueError(f"{path}: {name} must be {error}, got {_brief(value)}") from error
-    record = arguments(**values)
-    try:
-        record.check()
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from error
-    return record
+    return arguments(**values)
 
 
 def _typed(value: Any, hint: Any) -> Any:
@@ -177,6 +169,8 @@ def _typed(value: Any, hint: Any) -> Any:
     elif typing.get_origin(hint) is tuple and isinstance(value, list):
         parts = typing.get_args(hint)
         return tuple(_typed(part, parts[0]) for part in value)
+    elif typing.get_origin(hint) is dict and isinstance(value, dict):
+        return value
     elif hint is Path and isinstance(value, str):
         return Path(value)
     elif hint is float and _number(value):

@@ -47,7 +47,7 @@ TableName = Annotated[str, tyro.conf.arg(help=f"Play on this table preset: {list
 Trust = Annotated[
     bool,
     tyro.conf.arg(
-        help="Load a model.zip even where that means to unpickle objects in it. Unpickling can run any code, so use "
+        help="Load a model.zip even if objects in it have to be unpickled. Unpickling can run any code, so use "
         "this only with files from people you trust."
     ),
 ]
@@ -109,7 +109,7 @@ def check_ranges(args: Any, **ranges: tuple[float, float]) -> None:
     """
     for field, (least, greatest) in ranges.items():
         if getattr(args, field) is not None:
-            check_number(option_name(field), getattr(args, field), least, min(greatest, MOST))
+            check_number(option_name(field), getattr(args, field), least, min(greatest, float(MOST)))
 
 
 def not_default(args: Any) -> list[str]:
@@ -117,21 +117,18 @@ def not_default(args: Any) -> list[str]:
     return [field.name for field in dataclasses.fields(args) if getattr(args, field.name) != field.default]
 
 
-def check_resumed(args: Any, kept: Any, given: Any = None) -> None:
+def check_resumed(given: Any, kept: Any) -> None:
     """Check that a run is resumed with its own arguments, because it would ignore others.
 
     Args:
-        args: the arguments of the command. A field with its default value counts as not given.
+        given: the run's own arguments, overridden by those that the caller or the command line gave.
         kept: the run's own arguments.
-        given: if known, the run's own arguments overridden by those on the command line, which also detects arguments
-            that were given with their default value.
 
     Raises:
         ValueError: an argument differs from the run's. The message names its option.
     """
-    names = [field.name for field in dataclasses.fields(kept)] if given is not None else not_default(args)
-    now = args if given is None else given
-    others = [n for n in names if n not in ("resume", "steps") and getattr(now, n) != getattr(kept, n)]
+    names = [field.name for field in dataclasses.fields(kept)]
+    others = [n for n in names if n not in ("resume", "steps") and getattr(given, n) != getattr(kept, n)]
     if others:
         options = " ".join(map(option_name, others))
         raise ValueError(f"--resume goes on with the run's own arguments and --steps alone, got {options}")

@@ -12,6 +12,7 @@ import numpy as np
 from gymnasium import logger
 from numpy.typing import ArrayLike, NDArray
 
+from airhockey_env.checks import check_choice
 from airhockey_env.drawing.window import human_window, import_pygame
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT, RIGHT
@@ -38,8 +39,8 @@ class GameEnv:
             ValueError: the class's metadata do not have this mode, or the size is no size.
         """
         allowed = tuple(self.metadata["render_modes"])
-        if render_mode is not None and not (isinstance(render_mode, str) and render_mode in allowed):
-            raise ValueError(f"render_mode must be None or one of {allowed}, got {render_mode!r}")
+        if render_mode is not None:
+            check_choice("render_mode", render_mode, allowed, also="None")
         if render_mode == "human":
             import_pygame()  # or say what is missing
         self._game = game

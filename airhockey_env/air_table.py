@@ -272,8 +272,8 @@ class AirTable:
             if total > MOST_CONTACTS:
                 self._positions[:], self._velocities[:] = self._before[:, :2], self._before[:, 2:]
                 raise ValueError(
-                    f"dt must be so short that a step has at most {MOST_CONTACTS} contacts; {dt} s have more: play "
-                    "several steps"
+                    f"dt must be so short that a step has at most {MOST_CONTACTS} contacts, got {dt} s, in which there "
+                    "are more: play several shorter steps"
                 )
             buffer = records(min(2 * len(buffer), MOST_CONTACTS), CONTACT)  # full: continue where it paused
             elapsed, count = play(discs, self._before, self._surface, elapsed, dt, limit, buffer, near, cluster)

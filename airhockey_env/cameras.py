@@ -12,10 +12,10 @@ from airhockey_env.checks import check_number, check_whole, fault
 
 @dataclass(frozen=True)
 class Camera:
-    """How a camera above the table sees the puck and the opponent's paddle. The defaults are a perfect one.
+    """How a camera above the table sees the puck and the opponent's paddle. The defaults are a perfect camera.
 
-    What is not the camera's business passes unchanged: the player's own paddle, which has encoders, and the shot
-    clock, which is the referee's. Derive a variant with `dataclasses.replace(ROBOT, delay_ms=20)`.
+    The player's own paddle, which has encoders, and the shot clock, which belongs to the referee, stay exact. Derive a
+    variant with `dataclasses.replace(ROBOT, delay_ms=20)`.
 
     Raises:
         ValueError: a field is not a finite number or is out of range. The message names the field, what was given
@@ -23,26 +23,26 @@ class Camera:
     """
 
     camera_hz: float | None = None
-    """Frames a second, 1 to 1000; None: one with every control step. The first is taken at the start of an episode.
-    Slower than the control rate, frames are held; faster, they are taken between control steps too."""
+    """Frames per second, 1 to 1000; None: one per control step. The first is taken at the start of an episode. Below
+    the control rate, the last values are kept in between; above it, frames are also taken between control steps."""
     delay_ms: float = 0.0
-    """From taking a frame to the player's having its result, 0 to 1000 ms."""
+    """Time from taking a frame until the player has its result, 0 to 1000 ms."""
     jitter_ms: float = 0.0
-    """Each frame's delay is drawn evenly from `delay_ms` - `jitter_ms` to `delay_ms` + `jitter_ms`: 0 to `delay_ms`.
-    Frames stay in order: one that would overtake another arrives with it."""
+    """0 to `delay_ms`: the delay of each frame is uniform in `delay_ms` ± `jitter_ms`. Frames stay in order: one that
+    would overtake another arrives together with it."""
     noise_mm: float = 0.0
-    """Standard deviation of the puck's seen x and y in each frame, Gaussian, 0 to 100 mm."""
+    """Standard deviation of the Gaussian noise on the puck's x and y in each frame, 0 to 100 mm."""
     opponent_noise_mm: float = 0.0
-    """Standard deviation of the opponent's paddle's seen x and y in each frame, Gaussian, 0 to 100 mm."""
+    """Standard deviation of the Gaussian noise on the x and y of the opponent's paddle in each frame, 0 to 100 mm."""
     velocity_frames: int | None = None
-    """Frames from which velocities are estimated, 2 to 64: the slope of the least-squares line through the last
-    seen positions over the times of their frames. 2 is the plain finite difference; more frames filter the noise and
-    lag behind. None: the true velocities at the time of the frame."""
+    """Number of frames from which velocities are estimated, 2 to 64: the slope of the least-squares line through the
+    positions that were seen last, over the times of their frames. With 2 it is the finite difference; more frames
+    reduce the noise and add delay. None: the true velocities at the time of the frame."""
     dropout: float = 0.0
-    """Probability, 0 to 1, that a frame is lost: what was seen last is held."""
+    """Probability, 0 to 1, that a frame is lost; the last values are kept."""
     occlusion_mm: float = 0.0
-    """The puck is not seen, and held, while the gap between its rim and the rim of the opponent's paddle is narrower
-    than this, 0 to 1000 mm."""
+    """0 to 1000 mm: the puck is hidden, and its last values are kept, while the gap between its rim and the rim of the
+    opponent's paddle is smaller than this."""
 
     def __post_init__(self) -> None:
         if self.camera_hz is not None:
@@ -82,9 +82,9 @@ def resolve_camera(camera: str | Camera | Mapping[str, Any]) -> Camera:
     if isinstance(camera, Mapping):
         for name in camera:
             if name not in Camera.__dataclass_fields__:
-                raise ValueError(f"camera must be a mapping of the fields of a Camera, got one with {name!r}")
+                raise fault("camera", f"a mapping whose keys are among {tuple(Camera.__dataclass_fields__)}", name)
         return Camera(**camera)
-    raise fault("camera", f"one of {tuple(CAMERAS)}, a Camera or a mapping of its fields", camera)
+    raise fault("camera", f"None, one of {tuple(CAMERAS)}, a Camera or a mapping of its fields", camera)
 
 
 ROBOT = Camera(
@@ -97,17 +97,17 @@ ROBOT = Camera(
     dropout=0.01,
     occlusion_mm=10,
 )
-"""A camera like those of the robots that play air hockey against people.
+"""A camera like those of robots that play air hockey against people, from values that their builders have published.
 
-* 120 frames a second, 1 mm: the "AI Air Hockey" robot of the University of British Columbia
-  (github.com/HudsonNock/Air-Hockey-Sim, README: one camera tracks puck and opponent's mallet at 120 frames a second
-  with a mean error of about 1 mm over the table). Others: 60 Hz (JJRobots), 90 Hz (HockeyBot, RealSense D435i),
+* 120 frames per second, 1 mm: the "AI Air Hockey" robot of the University of British Columbia
+  (github.com/HudsonNock/Air-Hockey-Sim, README: one camera tracks the puck and the opponent's mallet at 120 frames per
+  second with a mean error of about 1 mm over the table). Others: 60 Hz (JJRobots), 90 Hz (HockeyBot, RealSense D435i),
   200 Hz and 0.35 mm (github.com/misprit7/airhockey).
-* 7 ms, 1.5 ms: the UBC robot's loop from frame to command takes 6 to 7 ms, now and then more than 8.5 ms; misprit7
-  measured 5.1 ms from light to program at the least, and up to 10.3 ms with the wait for the next frame (SIM2REAL.md).
+* 7 ms, 1.5 ms: the UBC robot takes 6 to 7 ms from frame to command, occasionally more than 8.5 ms; misprit7 measured
+  at least 5.1 ms from light to program, and at most 10.3 ms including the wait for the next frame (SIM2REAL.md).
 * 6 frames: misprit7's tracker fits a least-squares slope to the last 6 positions (ai/airhockey/perception.py).
-* Held when not seen: the UBC robot repeats the puck's previous position. How often frames are lost and how close to
-  the paddle (its gantry and arms, the opponent's hand) the puck is hidden, nobody states: 1 % and 10 mm are plausible
+* Last values kept when not seen: the UBC robot repeats the puck's previous position. How often frames are lost, and how
+  close to the paddle the puck is hidden by a gantry or a hand, has not been published: 1 % and 10 mm are plausible
   values, not measured ones.
 """
 

@@ -133,10 +133,10 @@ def check_whole(name: str, value: Any, least: int, most: float = 2**31 - 1, also
     return number
 
 
-def check_choice(name: str, value: Any, choices: Collection[str]) -> str:
-    """One of some names."""
+def check_choice(name: str, value: Any, choices: Collection[str], also: str = "") -> str:
+    """One of some names; `also` as for `check_number`."""
     if not isinstance(value, str) or value not in choices:
-        raise fault(name, f"one of {tuple(choices)}", value)
+        raise fault(name, f"{_or(also)}one of {tuple(choices)}", value)
     return value
 
 

@@ -23,13 +23,18 @@ import numpy as np
 from numba.core import caching, config
 from numpy.typing import NDArray
 
+PLAIN_ROOMS = ("live", "web")
+"""Folders of the package in which nothing is compiled: a change in them leaves the cache valid."""
+
 
 @functools.cache
 def sources_hash() -> str:
-    """Hash of every Python file of the package: what the machine code was compiled from."""
+    """Hash of the package's Python files outside `PLAIN_ROOMS`: what the machine code was compiled from."""
     digest = hashlib.sha256()
     root = Path(__file__).parent
     for path in sorted(root.rglob("*.py")):
+        if path.relative_to(root).parts[0] in PLAIN_ROOMS:
+            continue
         digest.update(path.relative_to(root).as_posix().encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()
@@ -69,7 +74,7 @@ class _CacheImpl(caching.CompileResultCacheImpl):
 
 
 class _Cache(caching.FunctionCache):
-    """A cache that is no more than a cache: what cannot be read (a damaged file, say) is compiled and written anew."""
+    """A cache that is no more than a cache: what cannot be read (a damaged file, say) is compiled and written again."""
 
     _impl_class = _CacheImpl
 

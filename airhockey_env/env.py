@@ -44,7 +44,8 @@ class AirHockeyEnv(TableEnv, gym.Env):
     ## Action space
     `Box(-1, 1, (2,), float32)`: the paddle's target velocity (x towards the opponent, y to the left) as a share of its
     greatest speed. Values out of range are clipped to [-1, 1]; a vector longer than 1 is then shortened to 1. The
-    paddle's velocity follows with a limited acceleration; the paddle stays on its own half and off the walls.
+    paddle's velocity follows with a limited acceleration; the paddle stays on its own half and off the walls. NaN,
+    infinity and wrong shapes raise `ValueError` and change nothing.
 
     With `continuous=False`, `Discrete(9)`: 0 stays, 1 to 8 are full speed straight ahead and then in steps of 45
     degrees counter-clockwise.
@@ -69,23 +70,24 @@ class AirHockeyEnv(TableEnv, gym.Env):
     | 12 | shot clock: share used, + on own side, - on the far side | 7 s |
 
     With `obs_type="rgb"`, `Box(0, 255, (84, 84, 3), uint8)`, and with `"grayscale"`, `Box(0, 255, (84, 84), uint8)`: a
-    picture of the same, likewise from the player's own side. The own goal is on the left, y points up, and the colours
-    belong to the roles: own paddle pink (light grey), opponent's blue (dark grey), puck cream (nearly white). The bar
-    on top is the shot clock: it grows from the middle towards the side that the puck is on, full at the foul. The table
-    fills the picture whatever its shape, with discs stretched alike; positions show to a tenth of a pixel and less, by
-    anti-aliasing. Velocities do not show in one picture: stack several
+    picture of the same, also from the player's own side. The own goal is on the left, y points up, and the colours
+    belong to the roles: the own paddle is pink (light grey), the opponent's blue (dark grey) and the puck cream (nearly
+    white). The bar on top is the shot clock: it grows from the middle towards the side that the puck is on and is full
+    at the foul. The table fills the picture whatever its shape, and its discs are stretched with it. Anti-aliasing shows
+    positions to a tenth of a pixel or better. A single picture shows no velocities, so stack several
     (`gymnasium.wrappers.FrameStackObservation(env, 4)`).
 
     ## Rewards
-    `reward="sparse"`: +1 for every goal, -1 for every goal against, else 0; so a shot that was kept out, or one that
-    missed, earns 0. `reward="shaped"`: that, plus
-    0.99 * potential(after) - potential(before), a potential-based term that leaves the best policy for a discount of
-    0.99 what it was; see `airhockey_env.kernel.rewards`.
+    `reward="sparse"` is +1 for every goal, -1 for every goal against, and else 0, so a shot that was kept out or that
+    missed earns 0. `reward="shaped"` adds 0.99 * potential(after) - potential(before), a potential-based term (Ng,
+    Harada and Russell, "Policy invariance under reward transformations", ICML 1999) that leaves the best policy for a
+    discount of 0.99 what it was; see `airhockey_env.kernel.rewards`.
 
     ## Starting state
     Point, match: paddles rest at home, 80 % of the way from the centre to the end walls. The puck rests on a random
     spot of a random side, 20 to 50 % of the half length from the centre line and up to half the half width off the
-    long axis. After a goal in a match, likewise on the side that conceded.
+    long axis. After a goal in a match, paddles and puck are placed like this within the same step, with the puck on
+    the side that conceded.
 
     Hit: the puck rests on your side, 10 to 50 % of the half length from the centre line and anywhere across the table
     up to 1.5 puck radii from the side walls; your paddle rests at home, up to half the half width off the long axis.
@@ -95,11 +97,11 @@ class AirHockeyEnv(TableEnv, gym.Env):
     off each side wall. Your paddle rests 60 to 90 % of the half length from the centre, up to half the half width off
     the long axis.
 
-    In both the opponent's paddle is parked in a far corner, at +y.
+    In both, the opponent's paddle is parked in a far corner, at +y. An opponent other than `"idle"` starts from there.
 
-    `reset(options={"serve": "left"})` (or `"right"`, `"random"`) chooses the side, where an episode begins with a
-    serve; `"puck_position"` and `"puck_velocity"`, two numbers each in m and m/s, set the puck (and `"puck_position"`
-    the own paddle, to its home).
+    `reset(options={"serve": "left"})` (or `"right"`, `"random"`) chooses who serves, where an episode begins with a
+    serve. `"puck_position"` and `"puck_velocity"`, two numbers each in m and m/s, set those of the puck; with
+    `"puck_position"` the own paddle starts at home.
 
     ## Rules
     A side has 7 s to send the puck back over the centre line; after that it is a foul, and where the episode goes on
@@ -115,35 +117,47 @@ class AirHockeyEnv(TableEnv, gym.Env):
     Defend: terminates with a goal, with a foul, and once the shot is kept out: back on the far side and not flying
     towards you any more, or slower than 0.3 m/s; success is no goal against.
 
-    `gymnasium.make` truncates after the steps in the table above (at 50 Hz 30 s, 5 min, 10 s and 5 s), which is no
-    success; `max_episode_steps` changes that, and -1 turns it off.
+    `gymnasium.make` truncates after the control steps in the table above (at 50 Hz these are 30 s, 5 min, 10 s and
+    5 s), and a truncated episode is not a success. `max_episode_steps` changes the limit, and -1 turns it off.
 
     ## Info
-    Arrays and scalars of fixed shape and dtype: `score`: (2,) int32, own and opponent's. `foul`: bool, True on
-    the step in which a shot clock ran out. `is_success`: bool, True on the step that ends the episode with success.
-    With `randomize`, `table`: the values that were drawn, a dict from the fields' names to float64.
+    All values are arrays and scalars of fixed shape and dtype. In a batch they have Gymnasium's vector form.
 
-    The contacts of the last step are asked for: `env.unwrapped.contacts`, a structured array with a row for each, in
-    the order of time. `env.unwrapped.positions` and `velocities` have the three discs in m and m/s.
+    | key | what |
+    |---|---|
+    | `score` | (2,) int32: own points and the opponent's |
+    | `foul` | bool: True on the step in which a shot clock ran out |
+    | `is_success` | bool: True on the step that ends the episode with success |
+    | `table` | with `randomize` only: the values that were drawn, a dict from the fields' names to float64 |
+
+    ## Attributes
+    `env.unwrapped` gives more on request. `contacts` is a structured array of the last step's contacts, in order of
+    time: `time` (s into the step), the discs `a` and `b` (0 left paddle, 1 right paddle, 2 puck; `b` is -1 for a wall
+    or post), `x` and `y` (m), the unit normal `nx`, `ny` from b to a, and `impulse` (kg m/s). `positions` and
+    `velocities`, (3, 2) each, are those of the three discs in m and m/s, and `table` is the `TableSpec` in play.
+    `get_state()` and `set_state(state)` keep and restore everything, random streams, clocks and cameras included: what
+    follows is the same to the bit. `observe()` returns the observation of the present state without a step.
 
     ## Arguments
     | argument | values | default |
     |---|---|---|
-    | `task` | `"point"`, `"match"`, `"hit"`, `"defend"`; each registered id sets it, with the opponent and the limit above; alone it leaves these as they are | `"point"` |
+    | `task` | `"point"`, `"match"`, `"hit"`, `"defend"`; the registered ids set it together with `opponent` and `max_episode_steps`, and `task` alone changes neither | `"point"` |
     | `opponent` | `"idle"`, `"random"`, `"goalie"`, `"striker"`, the trained `"adept"` and `"expert"`, the path of a `policy.npz` or of a run's folder, or a callable: float32 observations (N, 13) from its own side to actions (N, 2) | `"striker"` |
     | `opponent_skill` | 0 to 1: share of its paddle's speed that a scripted opponent uses | 1.0 |
     | `table` | `"full_size"`, `"challenge"`, `"ideal"`, a `TableSpec`, or a mapping of its fields | `"full_size"` |
-    | `obs_type` | `"state"`, `"rgb"`, `"grayscale"`, see above; a callable opponent sees states all the same | `"state"` |
+    | `obs_type` | `"state"`, `"rgb"`, `"grayscale"`, see above; callable opponents get states in any case | `"state"` |
     | `continuous` | True or False, see above | True |
     | `reward` | `"sparse"` or `"shaped"` | `"sparse"` |
     | `control_hz` | 10 to 240: control steps per second | 50 |
-    | `randomize` | None, or a mapping from `TableSpec` fields to (low, high): drawn anew for every episode | None |
-    | `camera` | None for exact states; `"robot"`, a `Camera` or a mapping of its fields: you see the puck and the opponent's paddle late and with noise, your own paddle and the clock exactly; opponents see exact states; see `airhockey_env.cameras` | None |
+    | `randomize` | None, or a mapping from `TableSpec` fields to (low, high) to draw from for every episode | None |
+    | `camera` | None for exact states; `"robot"`, a `Camera` or a mapping of its fields: you see the puck and the opponent's paddle late and with noise, but your own paddle and the clock exactly; opponents see exact states; see `airhockey_env.cameras` | None |
     | `max_episode_steps` | steps after which an episode is truncated; None: those of the task's id, see above; -1: no limit. `gymnasium.make` puts the limit into a wrapper around the environment; the class alone has none by default | -1 |
     | `render_mode` | None, `"rgb_array"`, `"human"` | None |
     | `render_size` | (width, height) px or None | None |
 
-    Each argument out of range raises ValueError naming it.
+    An argument out of range raises a `ValueError` that names it. All arguments but a callable opponent can be written
+    as data, so `EnvSpec.from_json(env.spec.to_json())` makes an equal environment, in another process too.
+    `render_mode="human"` needs the extra `human`.
 
     ## Version history
     * v0: first version.
@@ -195,7 +209,7 @@ class AirHockeyEnv(TableEnv, gym.Env):
         """Begin an episode.
 
         Args:
-            seed: starts the table's random stream anew; without it the stream goes on.
+            seed: restarts the table's random stream; without it the stream goes on.
             options: `"serve"`: `"left"`, `"right"` or `"random"`; `"puck_position"`, `"puck_velocity"`: two numbers
                 each, m and m/s.
 

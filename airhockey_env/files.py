@@ -49,7 +49,7 @@ def check_archive(archive: zipfile.ZipFile, most: int) -> None:
         raise ValueError("it has two members of the same name")
     size = sum(member.file_size for member in members)
     if size > most:
-        raise ValueError(f"it would unpack to {size:,} bytes, and may to {most:,}")
+        raise ValueError(f"it would unpack to {size:,} bytes, and at most {most:,} are allowed")
 
 
 def parse_json(text: str, constants: bool = False) -> Any:
@@ -64,7 +64,7 @@ def parse_json(text: str, constants: bool = False) -> Any:
     """
     values = sum(map(text.count, ",[{"))
     if values > MOST_VALUES:
-        raise ValueError(f"it has about {values:,} values, and may have {MOST_VALUES:,}")
+        raise ValueError(f"it has about {values:,} values, and at most {MOST_VALUES:,} are allowed")
     try:
         return json.loads(text, object_pairs_hook=_once, parse_constant=None if constants else _refuse)
     except RecursionError as error:
@@ -74,7 +74,7 @@ def parse_json(text: str, constants: bool = False) -> Any:
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     result = dict(pairs)
     if len(result) < len(pairs):
-        raise ValueError("a name stands twice in one object")
+        raise ValueError("an object in it has the same name twice")
     return result
 
 
@@ -124,12 +124,12 @@ def _check_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> None:
     with archive.open(member) as file:
         reader = _READERS.get(npy.read_magic(file))
         if reader is None:
-            raise ValueError(f"{member.filename!r} is an array of another version")
+            raise ValueError(f"{member.filename!r} is an array of an unknown version of the format")
         shape, _, dtype = reader(file)
         if dtype.hasobject:
-            raise ValueError(f"{member.filename!r} holds objects in place of numbers")
+            raise ValueError(f"{member.filename!r} holds Python objects instead of numbers")
         if any(type(side) is not int or side < 0 for side in shape):
-            raise ValueError(f"{member.filename!r} is of shape {shape}")
+            raise ValueError(f"{member.filename!r} has the impossible shape {shape}")
         if math.prod(shape) * dtype.itemsize != member.file_size - file.tell():
             raise ValueError(f"{member.filename!r} is not as long as an array of shape {shape} and type {dtype}")
 

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from airhockey_env.cameras import Camera, resolve_camera
 from airhockey_env.checks import (
     NO_LIMIT,
+    check_choice,
     check_directions,
     check_limit,
     check_number,
@@ -22,6 +23,7 @@ from airhockey_env.checks import (
     check_skill,
     check_velocities,
     check_whole,
+    fault,
 )
 from airhockey_env.compiled import machine_code, records
 from airhockey_env.drawing.pixels import CHANNELS, Pixels
@@ -145,10 +147,10 @@ class Game:
     ) -> None:
         n = self.num_tables = check_whole("num_tables", num_tables, 1)
         self.spec = resolve_table(table)
-        self.obs_type = _choice("obs_type", obs_type, OBS_TYPES)
+        self.obs_type = check_choice("obs_type", obs_type, OBS_TYPES)
         self.pixels = Pixels(obs_type) if obs_type in CHANNELS else None
         if not isinstance(continuous, (bool, np.bool_)):
-            raise ValueError(f"continuous must be True or False, got {continuous!r}")
+            raise fault("continuous", "True or False", continuous)
         self.continuous = bool(continuous)
         self.control_hz = check_number("control_hz", control_hz, *CONTROL_RATES)
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
@@ -159,10 +161,10 @@ class Game:
         if self.randomized:
             self.parameters = np.repeat(self.parameters, n)
         self.settings = records(1, SETTINGS)
-        self.settings["task"] = TASKS[_choice("task", task, tuple(sorted(TASKS)))].number
+        self.settings["task"] = TASKS[check_choice("task", task, tuple(sorted(TASKS)))].number
         self.settings["points"] = TASKS[task].points if points is None else check_whole("points", points, 1)
         self.settings["max_steps"] = check_limit(max_episode_steps, TASKS[task].max_episode_steps)
-        self.settings["shaped"] = _choice("reward", reward, REWARDS) == "shaped"
+        self.settings["shaped"] = check_choice("reward", reward, REWARDS) == "shaped"
         self.settings["autoreset"] = _AUTORESET[self.autoreset_mode]
         self.settings["randomized"] = bool(self.randomized)
         self.cameras = self._make_cameras(camera)
@@ -267,7 +269,7 @@ class Game:
             ValueError: a scripted player plays that seat, who looks at no observations.
         """
         if not self.pools[seat].observes:
-            raise ValueError(f"seat must be one that the caller or a policy plays, got {seat!r}: a scripted player's")
+            raise fault("seat", "one that the caller or a policy plays, not a scripted player's", seat)
         self._keep_observations()
         return self.as_observations(self.out.observation[seat])
 
@@ -328,7 +330,7 @@ class Game:
             if moved[seat]:
                 pool.refresh(rows)
         self.seeded = True
-        self._note_begun()
+        self.begun = bool(self.states["side"].all())  # a state may be of before the first episode
         self._refresh(rows)
         out = self.out  # nothing has happened yet in this state
         out.n_contacts[rows], out.point[rows], out.foul[rows], out.success[rows] = 0, 0, False, False
@@ -369,7 +371,7 @@ class Game:
         for seat, cameras in zip(SEATS, self.cameras, strict=True):
             if cameras is not None:
                 start_rows(rows, seat, self.parameters, cameras, self.out)
-        self._note_begun()
+        self.begun = self.begun or bool(self.states["side"].all())  # a puck that was served is on a side
 
     def check_actions(self, seat: int, given: Any) -> NDArray[np.float32]:
         """A player's actions as float32 target velocities (N, 2); nobody reads those of a seat of others.
@@ -380,7 +382,7 @@ class Game:
         name = self.action_names[seat]
         if not self.pools[seat].by_caller:
             if given is not None:
-                raise ValueError(f"{name} must be None where the caller does not play, got actions")
+                raise fault(name, "None, because the caller does not play this seat", given)
             return self._no_actions
         shape = () if self.one_table else (self.num_tables,)
         if not self.continuous:
@@ -430,6 +432,14 @@ class Game:
         self._threads.share(n, PICTURES_PER_THREAD, self.pixels.draw, observations, parameters, background, frames)
         return frames if frames.shape[-1] > 1 else frames[..., 0]
 
+    def exact_observations(self, seat: int = LEFT) -> NDArray[np.float32]:
+        """A player's state observations as they would be without a camera, a fresh array: (N, 13)."""
+        if self.cameras[seat] is None:
+            return self.out.observation[seat].copy()
+        exact = make_outputs(self.num_tables, bool(self.randomized))
+        refresh_rows(self._all_rows, self.states, self.parameters, self.settings, exact)
+        return exact.observation[seat]
+
     def check_begun(self, rows: NDArray[Any] | slice = slice(None)) -> None:
         """Raises ResetNeeded if no episode has begun on one of the given tables."""
         if not self.states["side"][rows].all():
@@ -472,6 +482,7 @@ class Game:
         self.cameras = self._make_cameras(camera)
         self.states["side"] = 0
         self.begun = self.seeded = False
+        self._keep_observations()
 
     # How it is done ---------------------------------------------------------------------------------------------
 
@@ -482,17 +493,18 @@ class Game:
     def _make_cameras(self, camera: Any) -> tuple[CameraArrays | None, CameraArrays | None]:
         pair = camera if isinstance(camera, (list, tuple)) else (camera, camera)
         if len(pair) != 2:
-            raise ValueError(f"camera must be one, or a pair (left, right), got {len(pair)}")
+            raise fault("camera", "one camera for both players or a pair (left, right)", camera)
         made = [
             None if one is None else make_camera(resolve_camera(one), self.num_tables, self.control_hz) for one in pair
         ]
         return made[LEFT], made[RIGHT]
 
     def _keep_observations(self) -> None:
-        """Keep the observations of those seats whose players look at them, and of no others."""
+        """Keep the observations of those seats whose players, or cameras, look at them, and of no others."""
         observed = self.pools[LEFT].observes, self.pools[RIGHT].observes
         before, self._observed = self._observed, observed
-        self.settings["observed"] = observed
+        # A camera looks on whoever plays, so that a policy that comes into the pool sees what it has seen.
+        self.settings["observed"] = [observed[seat] or self.cameras[seat] is not None for seat in SEATS]
         if observed[LEFT] > before[LEFT] or observed[RIGHT] > before[RIGHT]:
             self._refresh(self._all_rows)
 
@@ -515,20 +527,9 @@ class Game:
             if cameras is not None:
                 show_rows(rows, seat, cameras, self.out)
 
-    def _note_begun(self) -> None:
-        """Whether every table has begun an episode: a puck that was served is on a side."""
-        self.begun = self.begun or bool(self.states["side"].all())
-
-
-def _choice(name: str, given: Any, allowed: tuple[str, ...]) -> str:
-    if not isinstance(given, str) or given not in allowed:
-        raise ValueError(f"{name} must be one of {allowed}, got {given!r}")
-    return given
-
 
 def _autoreset_mode(given: Any) -> AutoresetMode:
     try:
         return AutoresetMode(given)
     except ValueError as error:
-        allowed = [mode.value for mode in AutoresetMode]
-        raise ValueError(f"autoreset_mode must be one of {allowed}, got {given!r}") from error
+        raise fault("autoreset_mode", f"one of {[mode.value for mode in AutoresetMode]}", given) from error

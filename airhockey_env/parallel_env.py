@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from airhockey_env._base import TableEnv
 from airhockey_env.cameras import Camera
-from airhockey_env.checks import check_limit, check_seed
+from airhockey_env.checks import check_choice, check_limit, check_seed
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT, RIGHT
 from airhockey_env.spaces import action_space, observation_space
@@ -60,25 +60,26 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
     both call `max_episode_steps` `max_cycles` too, as PettingZoo does.
 
     ## Action space
-    Of each agent, as in `AirHockeyEnv`: `Box(-1, 1, (2,), float32)`, the paddle's target velocity as the agent sees
-    it (x towards the opponent, y to its left), or `Discrete(9)` with `continuous=False`. `step` takes a mapping with
-    one action for each agent.
+    Each agent has the actions of `AirHockeyEnv`: `Box(-1, 1, (2,), float32)`, the paddle's target velocity as the agent
+    sees it (x towards the opponent, y to its left), or `Discrete(9)` with `continuous=False`. `step` takes a mapping
+    with one action for each agent.
 
     ## Observation space
-    Of each agent, as in `AirHockeyEnv`: `Box(-1, 1, (13,), float32)`, from its own side (own goal at -x); or, with
-    `obs_type`, pictures, likewise from its own side.
+    Each agent has the observations of `AirHockeyEnv` from its own side (own goal at -x): `Box(-1, 1, (13,), float32)`,
+    or pictures with `obs_type`.
 
     ## Global state
-    `state()`, in `state_space`: `Box(-1, 1, (13,), float32)`, the whole table as the left agent sees it.
+    `state()` returns the whole table as the left agent sees it, exact even with a camera, in `state_space`,
+    `Box(-1, 1, (13,), float32)`.
 
     ## Rewards
-    `reward="sparse"`: +1 for a goal, -1 for a goal against, else 0: a zero-sum game. `reward="shaped"`: that, plus
-    0.99 * potential(after) - potential(before) for each agent, each with the potential from its own side (which
-    counts its own paddle, so the terms of the two do not cancel out); it leaves the best policy for a discount of 0.99
-    what it was. See `airhockey_env.kernel.rewards`.
+    `reward="sparse"` is +1 for a goal, -1 for a goal against, and else 0: a zero-sum game. `reward="shaped"` adds
+    0.99 * potential(after) - potential(before) for each agent, with the potential from its own side. The potential
+    depends on the agent's own paddle, so the terms of the two do not cancel out. The best policy for a discount of 0.99
+    stays what it was. See `airhockey_env.kernel.rewards`.
 
     ## Starting state and rules
-    As in `AirHockeyEnv`, options of `reset` included.
+    They are those of `AirHockeyEnv`, and so are the options of `reset`.
 
     ## Episode end
     Both agents terminate with a goal; with `task="match"`, with the seventh of one side. Both are truncated after
@@ -86,9 +87,10 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
     five empty dicts, and any other `step` raises `gymnasium.error.ResetNeeded`.
 
     ## Info
-    Of each agent: `score`: (2,) int32, own and opponent's. `foul`: bool, True on the step in which a shot clock ran
-    out, the same for both. `is_success`: bool, True for the agent that wins the episode, on the step that ends it. The
-    property `contacts` has the contacts of the last step, in the table's coordinates.
+    Each agent has `score`, (2,) int32, its own points and the opponent's; `foul`, a bool that is True for both on the
+    step in which a shot clock ran out; and `is_success`, a bool that is True for the agent that wins the episode, on
+    the step that ends it. The attributes `contacts`, `positions`, `velocities`, `table` and `get_state()` are those of
+    `AirHockeyEnv`, in the coordinates of the table.
 
     ## Arguments
     | argument | values | default |
@@ -99,13 +101,13 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
     | `continuous` | True or False, see above | True |
     | `reward` | `"sparse"` or `"shaped"` | `"sparse"` |
     | `control_hz` | 10 to 240: control steps per second | 50 |
-    | `randomize` | None, or a mapping from `TableSpec` fields to (low, high): drawn anew for every episode | None |
+    | `randomize` | None, or a mapping from `TableSpec` fields to (low, high) to draw from for every episode | None |
     | `camera` | as in `AirHockeyEnv`, for both agents, or a pair (left, right) | None |
     | `max_episode_steps` | steps that truncate an episode; None: 1500, in a match 15000; -1: no limit | None |
     | `render_mode` | None, `"rgb_array"`, `"human"` | None |
     | `render_size` | (width, height) px or None | None |
 
-    Each argument out of range raises ValueError naming it.
+    An argument out of range raises a `ValueError` that names it.
 
     ## Version history
     * v0: first version.
@@ -136,8 +138,7 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
     ) -> None:
-        if not isinstance(task, str) or task not in TASKS:
-            raise ValueError(f"task must be one of {TASKS}, those that both sides share; got {task!r}")
+        check_choice("task", task, TASKS)
         game = Game(
             1,
             task=task,
@@ -176,7 +177,7 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
         """Begin an episode.
 
         Args:
-            seed: starts the table's random stream anew; without it the stream goes on.
+            seed: restarts the table's random stream; without it the stream goes on.
             options: `"serve"`: `"left"`, `"right"` or `"random"`; `"puck_position"`, `"puck_velocity"`: two numbers
                 each, m and m/s. `"options"` is ignored: PettingZoo's tests pass it.
 
@@ -243,14 +244,14 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
         )
 
     def state(self) -> NDArray[np.float32]:
-        """The whole table, as the left agent sees it: (13,) float32.
+        """The whole table as the left agent would see it without a camera: (13,) float32.
 
         Raises:
             gymnasium.error.ResetNeeded: no episode has begun.
         """
         if not self._game.begun:
             raise ResetNeeded("reset before state")
-        return self._game.out.observation[LEFT, 0].copy()
+        return self._game.exact_observations(LEFT)[0]
 
     @one_at_a_time
     def set_state(self, state: NDArray[np.void]) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from airhockey_env.kernel.camera import CAMERA_STATE, MOMENT, CameraArrays
+from airhockey_env.kernel.camera import ARRIVES, CAMERA_STATE, MOMENT, CameraArrays
 from airhockey_env.kernel.state import PARAMETERS, SEATS, STATE
 
 _FLOATS = tuple(name for name in STATE.names or () if STATE[name].base.kind == "f")
@@ -15,6 +15,9 @@ _CAMERA_FIELDS = tuple(name for name in CAMERA_STATE.names or () if CAMERA_STATE
 
 Cameras = tuple[CameraArrays | None, CameraArrays | None]
 """The cameras of the left and of the right player, where they have one."""
+
+CAMERA_NAMES = ("left_camera", "right_camera")
+"""What saved states call what these have seen."""
 
 
 def state_dtype(randomized: bool, cameras: Cameras) -> np.dtype:
@@ -28,11 +31,8 @@ def state_dtype(randomized: bool, cameras: Cameras) -> np.dtype:
         if arrays is not None:
             parts = [("state", CAMERA_STATE)]
             parts += [(name, np.float64, getattr(arrays, name).shape[1:]) for name in ("queue", "past")]  # type: ignore[misc]
-            fields.append((_CAMERA_NAMES[seat], np.dtype(parts)))
+            fields.append((CAMERA_NAMES[seat], np.dtype(parts)))
     return np.dtype([("state", STATE), *fields]) if fields else STATE
-
-
-_CAMERA_NAMES = ("left_camera", "right_camera")
 
 
 def game_state(saved: NDArray[np.void]) -> NDArray[np.void]:
@@ -51,7 +51,7 @@ def save(
     saved["state"] = states[rows]
     if randomized:
         saved["parameters"] = parameters[rows]
-    for name, arrays in zip(_CAMERA_NAMES, cameras, strict=True):
+    for name, arrays in zip(CAMERA_NAMES, cameras, strict=True):
         if arrays is not None:
             saved[name]["state"] = arrays.states[rows]
             saved[name]["queue"], saved[name]["past"] = arrays.queue[rows], arrays.past[rows]
@@ -70,7 +70,7 @@ def restore(
     states[rows] = game_state(saved)
     if randomized:
         parameters[rows] = saved["parameters"]
-    for name, arrays in zip(_CAMERA_NAMES, cameras, strict=True):
+    for name, arrays in zip(CAMERA_NAMES, cameras, strict=True):
         if arrays is not None:
             arrays.states[rows] = saved[name]["state"]
             arrays.queue[rows], arrays.past[rows] = saved[name]["queue"], saved[name]["past"]
@@ -100,26 +100,31 @@ def check_state(
     table = game_state(saved)
     for name in _FLOATS:
         if not np.isfinite(table[name]).all():
-            raise ValueError(f"state must hold finite numbers, got another in {name!r}")
+            raise ValueError(f"state must hold finite numbers, got one in {name!r} that is not")
     surface = saved["parameters"] if randomized else parameters
     half = np.stack([surface["half_length"], surface["half_width"]], axis=-1)
     if not (np.abs(table["position"]) <= half[:, np.newaxis]).all():
-        raise ValueError("state must have all discs on the table, got a 'position' off it")
+        raise ValueError("state must have all discs on the table, got a 'position' beyond it")
     if randomized and (surface["tick"] != parameters["tick"][0]).any():
         hz = 1.0 / parameters["tick"][0]
-        raise ValueError(f"state must be of a game at control_hz {hz:g}, as this one; got another's")
-    for name, arrays in zip(_CAMERA_NAMES, cameras, strict=True):
+        raise ValueError(f"state must be of a game at control_hz {hz:g}, as this one is, got that of another game")
+    for name, arrays in zip(CAMERA_NAMES, cameras, strict=True):
         if arrays is not None:
-            _check_camera(saved[name], table, arrays)
+            _check_camera(saved[name], table, surface, arrays)
 
 
-def _check_camera(saved: NDArray[np.void], table: NDArray[np.void], arrays: CameraArrays) -> None:
+def _check_camera(
+    saved: NDArray[np.void], table: NDArray[np.void], params: NDArray[np.void], arrays: CameraArrays
+) -> None:
     """Raises ValueError unless a camera could be in these states: compiled code counts on it."""
     state, camera = saved["state"], arrays.camera[0]
     length, frames = arrays.queue.shape[1], arrays.past.shape[2]
     numbers = (*(state[name] for name in _CAMERA_FIELDS), saved["queue"], saved["past"])
     begun = table["side"] != 0
     due = np.floor((state["step"] + MOMENT) * camera["camera_hz"] / camera["control_hz"]) + 1
+    last = state["step"] + camera["delay"] + camera["jitter"] + 2.0 * MOMENT  # when the last frame so far can arrive
+    per_disc = [[params[name] for name in ("per_x", "per_y", speed, speed)] for speed in ("per_paddle", "per_puck")]
+    scale = np.moveaxis(np.array(per_disc), -1, 0)
     good = (
         all(np.isfinite(array).all() for array in numbers)
         and ((state["first"] >= 0) & (state["first"] < length)).all()
@@ -128,7 +133,8 @@ def _check_camera(saved: NDArray[np.void], table: NDArray[np.void], arrays: Came
         and ((state["next"] >= 0) & (state["next"] < frames)).all()
         and ((state["step"] == table["steps"]) | ~begun).all()
         and ((np.abs(state["frame"] - due) <= 1) | ~begun).all()
-        and ((state["scale"] > 0.0).all(axis=(1, 2)) | ~begun).all()
+        and (saved["queue"][..., ARRIVES].max(axis=1) <= last).all()
+        and ((state["scale"] == scale).all(axis=(1, 2)) | ~begun).all()
     )
     if not good:
-        raise ValueError("state must hold what its camera could know, got another camera's or a damaged one")
+        raise ValueError("state must hold what this game's camera can know, got another camera's or a damaged state")

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env._base import BatchEnv
 from airhockey_env.cameras import Camera
-from airhockey_env.checks import check_seed, check_skill, check_whole
+from airhockey_env.checks import as_whole, check_seed, check_skill, check_whole, shown
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT
 from airhockey_env.opponents.players import Player, resolve_players
@@ -286,13 +286,10 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
         n = self.num_envs
         if indices is None:
             return range(n)
-        given = [indices] if isinstance(indices, (int, np.integer)) else indices
-        if not isinstance(given, Iterable) or isinstance(given, (str, bytes)):
-            raise TypeError(f"indices must be None, a whole number or some, got {indices!r}")
-        rows = list(given)
-        for row in rows:
-            if isinstance(row, bool) or not isinstance(row, (int, np.integer)):
-                raise TypeError(f"indices must be None, a whole number or some, got {indices!r}")
-            if not -n <= row < n:
-                raise IndexError(f"indices must be from {-n} to {n - 1}, got {indices!r}")
-        return [int(row) % n for row in rows]
+        given = indices if as_whole(indices) is None else [indices]
+        if not isinstance(given, Iterable) or isinstance(given, (str, bytes)) or None in map(as_whole, given):
+            raise TypeError(f"indices must be None, a whole number or several, got {shown(indices)}")
+        rows = [int(row) for row in given]
+        if not all(-n <= row < n for row in rows):
+            raise IndexError(f"indices must be from {-n} to {n - 1}, got {shown(indices)}")
+        return [row % n for row in rows]

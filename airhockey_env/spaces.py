@@ -1,4 +1,4 @@
-"""The spaces of one table, for every face."""
+"""The observation and action spaces of one table."""
 
 from __future__ import annotations
 

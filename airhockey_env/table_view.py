@@ -124,7 +124,7 @@ def of_tables(batch: AirHockeyVectorEnv | AirHockeySB3VecEnv, name: str, rows: I
     if name not in NAMES:
         there = isinstance(name, str) and not name.startswith("_") and hasattr(type(batch), name)
         hint = f"; the batch has {name!r} for all tables together: ask env.unwrapped for it" if there else ""
-        raise AttributeError(f"one table has {NAMES}, got {name!r}{hint}")
+        raise AttributeError(f"the attribute of a table must be one of {NAMES}, got {name!r}{hint}")
     return [getattr(TableView(batch, row), name) for row in rows]
 
 
@@ -138,5 +138,5 @@ def set_of_tables(
         ValueError: a value will not do. Nothing has changed then.
     """
     if name != "opponent_skill":
-        raise AttributeError(f"of one table, 'opponent_skill' can be set, got {name!r}")
+        raise AttributeError(f"the attribute to set of a table must be 'opponent_skill', got {name!r}")
     batch.set_opponent_skill([check_number(name, value, 0.0, 1.0) for value in values], rows)

@@ -176,7 +176,7 @@ def resolve_table(table: str | TableSpec | Mapping[str, float]) -> TableSpec:
         fields = dataclasses.fields(TableSpec)
         known = {field.name for field in fields}
         needed = {field.name for field in fields if field.default is dataclasses.MISSING}
-        wrong = [f"{name!r} is no field" for name in table if name not in known]
+        wrong = [f"{name!r} is not a field" for name in table if name not in known]
         wrong += [f"{name!r} is missing" for name in sorted(needed - table.keys())]
         if wrong:
             raise ValueError(f"table must be a mapping of the fields of a TableSpec, got one in which {wrong[0]}")
@@ -213,5 +213,5 @@ def check_randomize(spec: TableSpec, randomize: Mapping[str, Any]) -> NDArray[np
         try:
             TableSpec(**table)
         except ValueError as error:
-            raise ValueError(f"randomize must allow only tables that can be, got ranges in which {error}") from error
+            raise ValueError(f"randomize must allow only valid tables, got ranges for which {error}") from error
     return ranges

@@ -212,7 +212,7 @@ class AirHockeyVectorEnv(BatchEnv, VectorEnv):
         """
         each = list(values) if isinstance(values, (list, tuple)) else [values] * self.num_envs
         if len(each) != self.num_envs:
-            raise ValueError(f"values must hold one for each of {self.num_envs} tables, got {len(each)}")
+            raise ValueError(f"values must hold one value for each of {self.num_envs} tables, got {len(each)}")
         set_of_tables(self, name, each, np.arange(self.num_envs))
 
     def _spaces_of_a_table(self) -> tuple[Space[Any], Space[Any]]:

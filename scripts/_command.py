@@ -38,7 +38,7 @@ def run_command(
     try:
         if own_args is not None and getattr(args, "resume", None) is not None:
             _, kept = own_args(args)
-            check_resumed(args, kept, tyro.cli(arguments, prog=prog, default=kept))
+            check_resumed(tyro.cli(arguments, prog=prog, default=kept), kept)
         act(args)
     except KeyboardInterrupt:
         print("\nStopped.", file=sys.stderr)

@@ -57,6 +57,8 @@ def torture_chamber(args: TortureArgs) -> None:
 
     check_ranges(args, seconds=(0, 1e9), steps=(1, 10**15), seed=(0, 10**9), first=(0, 10**9), jobs=(1, 1024))
     if args.replay is not None:
+        if not args.replay.is_file():
+            raise FileNotFoundError(f"--replay must be a case's file, got {args.replay}")
         law = play_case(Case.load(args.replay))
         print(f"{args.replay}: {law or 'all laws hold'}")
         sys.exit(1 if law else 0)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from agents.training.algorithms import AlgorithmArgs, own_args, train
+from agents.training.train import own_args, train
+from agents.training.zoo import ZooArgs
 from scripts._command import run_command
 
 
 def main() -> None:
     """Read the command line and train."""
-    run_command("train", AlgorithmArgs, train, own_args)
+    run_command("train", ZooArgs, train, own_args)
 
 
 if __name__ == "__main__":

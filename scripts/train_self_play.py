@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from agents.training.ppo import own_args, train
 from agents.training.self_play import SelfPlayArgs
+from agents.training.train import own_args, train
 from scripts._command import run_command
 
 

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import airhockey_env
+from airhockey_env.cameras import Camera
 from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
 from airhockey_env.opponents.policy import MlpPolicy
 
@@ -39,6 +40,18 @@ IDS = sorted(
 """Every environment that the package registers."""
 
 COPIES = {"deepcopy": copy.deepcopy, "pickle": lambda thing: pickle.loads(pickle.dumps(thing))}
+
+HEAVY = Camera(
+    camera_hz=77,
+    delay_ms=33,
+    jitter_ms=30,
+    noise_mm=5,
+    opponent_noise_mm=3,
+    velocity_frames=3,
+    dropout=0.2,
+    occlusion_mm=300,
+)
+"""A camera that does all that cameras do, at a rate that is not the control rate's."""
 
 Call = Callable[..., str]
 """The fixture `call`: from a command's name and arguments to what it prints; `fails=True` where it must fail."""
@@ -102,13 +115,29 @@ def begin(env: Any, steps: int = 10, **arguments: Any) -> Any:
     return env
 
 
+def play(env: Any, steps: int, seed: int = 0) -> list[Any]:
+    """Everything that a game of any API returns, with a reset where an episode ends for good."""
+    results: list[Any] = []
+    for rows in random_actions(seed, steps, 2, env._game.continuous):
+        result = env.step(handed(env, rows))
+        results.append(result)
+        if hasattr(env, "possible_agents"):
+            over = not env.agents
+        else:
+            over = not hasattr(env, "num_envs") and (result[2] or result[3])
+        if over:
+            results.append(env.reset())
+    return results
+
+
 def snapshot(env: Any) -> tuple[Any, ...]:
     """All that decides what follows, and what is seen of it, of a game of any API."""
     game = env._game
     if hasattr(env, "possible_agents"):
         other: Any = list(env.agents)
     else:
-        other = env._actions if hasattr(env, "env_method") else str(env.np_random.bit_generator.state)
+        sb3 = hasattr(env, "env_method")
+        other = str((env._actions, env._seeds, env._options) if sb3 else env.np_random.bit_generator.state)
     return game.get_state().tobytes(), game.out.observation.tobytes(), other
 
 
@@ -118,7 +147,7 @@ def turned(tables: NDArray[np.void]) -> NDArray[np.void]:
     for name in ("position", "velocity"):
         other[name] = 0.0 - tables[name][:, [RIGHT, LEFT, PUCK]]
     other["side"] = -tables["side"]
-    for name in ("score", "skill", "wander"):
+    for name in ("score", "member", "skill", "wander"):
         other[name] = tables[name][:, ::-1]
     return other
 

@@ -9,6 +9,7 @@ import sys
 
 import pytest
 
+from airhockey_env.compiled import PLAIN_ROOMS
 from tests.helpers import ROOT
 
 CALLEE = "from airhockey_env.compiled import compiled\n\n@compiled\ndef callee(x):\n    return {value} * x\n"
@@ -107,3 +108,19 @@ def test_a_terminal_is_told_why_the_first_step_takes_so_long(package):
 
     assert "compiling" in told()
     assert told() == ""
+
+
+def test_a_change_to_what_is_not_compiled_leaves_the_cache_valid(package):
+    for room in PLAIN_ROOMS:
+        (package / "airhockey_env" / room).mkdir()
+        (package / "airhockey_env" / room / "page.py").write_text("size = 1\n")
+    assert run(package) == (21.0, 0, 1)
+    for room in PLAIN_ROOMS:
+        (package / "airhockey_env" / room / "page.py").write_text("size = 2\n")
+    assert run(package) == (21.0, 1, 0)
+
+
+def test_nothing_is_compiled_in_the_plain_rooms():
+    for room in PLAIN_ROOMS:
+        for path in (ROOT / "airhockey_env" / room).rglob("*.py"):
+            assert "airhockey_env.compiled" not in path.read_text(), path

@@ -19,15 +19,16 @@ import pytest
 from stable_baselines3 import PPO
 
 import airhockey_env  # noqa: F401  registers
-from agents.files import read_arguments, read_json
+from agents.files import read_json
 from agents.models import load_player
 from agents.sb3_files import read_model
-from agents.training.algorithms import read_hyperparameters
+from agents.training.checkpoints import HISTORY
 from agents.training.curves import read_runs
 from agents.training.league import League
-from agents.training.ppo import TrainArgs
-from agents.training.runs import HISTORY
+from agents.training.ppo import PpoArgs
 from agents.training.self_play import SelfPlayArgs
+from agents.training.train import own_args
+from agents.training.zoo import ZooArgs, resolve
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.replay import RecordReplay, Replay, play_back
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
@@ -51,8 +52,11 @@ def outcome(read: Read, path: Path) -> bool:
 
 
 def league_of(path: Path) -> None:
-    args = SelfPlayArgs(opponents=("striker",))
-    args.league().load(path.parent)
+    League(SelfPlayArgs(opponent=("striker",))).load(path.parent)
+
+
+def config_of(path: Path) -> None:
+    own_args(PpoArgs(resume=str(path.parent)))
 
 
 def replayed(path: Path) -> None:
@@ -65,7 +69,7 @@ def run_of(path: Path) -> None:
 
 
 def hyperparameters_of(path: Path) -> None:
-    read_hyperparameters(path, "AirHockeyHit-v0")
+    resolve(ZooArgs(hyperparams=path))
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +96,7 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
     update = {"steps": 4, "seconds": 0.5, "kl": None}
     history = {"practice": None, "evaluations": [row], "updates": [update], "report": [row]}
     (folder / "evaluations.json").write_text(json.dumps(history))
-    (folder / "config.json").write_text(json.dumps({"opponent": "striker", "opponents": ["striker"], "seed": 3}))
+    (folder / "config.json").write_text(json.dumps({"opponent": ["striker"], "eval_opponent": "striker", "seed": 3}))
     member = {"points": 3, "won": 0.5, "drawn": 0.0, "file": None}
     members = [{"name": name, **member} for name in ("latest self", "striker")]
     members.append({**member, "name": "self at 5", "file": "5.npz"})
@@ -114,7 +118,7 @@ READERS: list[tuple[str, Read]] = [
     ("model.zip", lambda path: load_player(str(path))),
     ("evaluations.json", lambda path: read_json(path, HISTORY)),
     ("evaluations.json", run_of),
-    ("config.json", lambda path: read_arguments(path, TrainArgs)),
+    ("config.json", config_of),
     ("config.json", run_of),
     ("league.json", league_of),
     ("tiny.yml", hyperparameters_of),
@@ -327,7 +331,6 @@ def test_a_league_writes_and_reads_in_its_own_folder(spoilt: Path) -> None:
         members = [*good["members"][:2], {**good["members"][2], **change}]
         path.write_text(json.dumps({**good, "members": members}))
         assert not outcome(league_of, path)
-    assert isinstance(SelfPlayArgs().league(), League)
 
 
 def test_text_files_that_are_too_large(spoilt: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,15 +15,16 @@ from typing import NamedTuple
 import gymnasium
 import pytest
 
-from airhockey_env import AirHockeyEnv
+from airhockey_env import AirHockeyEnv, Game
 from airhockey_env.kernel.tasks import TASKS
+from airhockey_env.opponents.players import NAMES
 from airhockey_env.parallel_env import AirHockeyParallelEnv
+from scripts.make_docs import environments_page
 from tests.helpers import IDS, ROOT, still_policy
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 WORKS_WITH = ROOT / "docs" / "works_with.md"  # tests/ecosystem runs its blocks
 EXTENDING = ROOT / "docs" / "extending.md"
-ENVIRONMENTS = (ROOT / "docs" / "environments.md").read_text(encoding="utf-8")
 
 
 class Block(NamedTuple):
@@ -167,22 +168,30 @@ def test_commands_exist(page: Path) -> None:
         assert (ROOT / "scripts" / f"{name}.py").exists(), f"there is no scripts.{name}"
 
 
+def test_the_page_of_the_environments_is_that_of_their_docstrings() -> None:
+    page = (ROOT / "docs" / "environments.md").read_text(encoding="utf-8")
+    assert page == environments_page(), "python -m scripts.make_docs"
+
+
 @pytest.mark.parametrize("environment", [AirHockeyEnv, AirHockeyParallelEnv])
-def test_page_and_docstring_agree(environment: type) -> None:
-    """Tables of observations and arguments stand in both, word for word."""
-    page = set(ENVIRONMENTS.splitlines())
-    rows = [line.strip() for line in (environment.__doc__ or "").splitlines() if re.match(r" *\| (\d|`[a-z])", line)]
-    assert len(rows) >= 9
-    assert not [row for row in rows if row not in page]
+def test_docstrings_have_every_argument_with_its_default(environment: type) -> None:
+    table = (environment.__doc__ or "").split("## Arguments")[1]
+    rows = re.findall(r"^ *\| `(\w+)` \| .* \| (.*) \|$", table, flags=re.MULTILINE)
+    shown = [(name, default.strip("`").replace('"', "'")) for name, default in rows]
+    assert shown == [(name, repr(given.default)) for name, given in inspect.signature(environment).parameters.items()]
+
+
+@pytest.mark.parametrize("documented", [AirHockeyEnv, Game])
+def test_docstrings_name_every_opponent(documented: type) -> None:
+    assert not [name for name in NAMES if f'`"{name}"`' not in (documented.__doc__ or "")]
 
 
 def test_table_of_ids_is_that_of_the_registry() -> None:
-    pattern = r"\| \[?`(AirHockey\w*-v\d+)`(?:\]\(\S+\))? \| `\"(\w+)\"` \| (.*?) \| `\"(\w+)\"` \| (\d+) steps \|"
-    rows = re.findall(pattern, ENVIRONMENTS)
-    assert rows == re.findall(pattern, AirHockeyEnv.__doc__ or "")
+    pattern = r"\| `(AirHockey\w*-v\d+)` \| `\"(\w+)\"` \| .*? \| `\"(\w+)\"` \| (\d+) steps \|"
+    rows = re.findall(pattern, AirHockeyEnv.__doc__ or "")
     assert sorted(row[0] for row in rows) == IDS
     default = inspect.signature(AirHockeyEnv).parameters["opponent"].default
-    for name, task, _, opponent, steps in rows:
+    for name, task, opponent, steps in rows:
         spec = gymnasium.spec(name)
         assert spec.kwargs.get("task", "point") == task
         assert spec.kwargs.get("opponent", default) == opponent == TASKS[task].opponent

@@ -78,6 +78,10 @@ def test_the_wheel_plays_in_an_empty_environment(tmp_path: Path) -> None:
     assert {name.split("/")[0] for name in names} == {"airhockey_env", wheel.name.rsplit("-", 3)[0] + ".dist-info"}
     assert {path.relative_to(ROOT).as_posix() for path in ROOT.glob("airhockey_env/**/*.py")} <= set(names)
     assert {"airhockey_env/py.typed", "airhockey_env/opponents/trained/probe.npz"} <= set(names)
+    pages = {
+        path.relative_to(ROOT).as_posix() for path in (ROOT / "airhockey_env/web/static").rglob("*") if path.is_file()
+    }
+    assert {name for name in names if "/web/static/" in name} == pages
 
     venv.create(tmp_path / "empty", symlinks=os.name != "nt")
     python = next(path for path in (tmp_path / "empty").glob("[bS]*/python*") if path.name in ("python", "python.exe"))

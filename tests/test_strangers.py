@@ -22,8 +22,8 @@ from stable_baselines3.common.vec_env import VecFrameStack
 from agents.features import RelativeFeatures, SmallCnn
 from agents.models import ModelPlayer, load_player
 from agents.sb3_files import NeedsTrust, actor_of, load_weights, read_model
-from agents.training.algorithms import read_hyperparameters
-from agents.training.literals import read_kwargs
+from agents.training.hyperparameters import read_kwargs
+from agents.training.zoo import ZooArgs, parsed, resolve
 from airhockey_env.actions import DIRECTIONS
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.replay import Replay
@@ -289,12 +289,12 @@ def test_hyperparameters_run_no_code(tmp_path: Path, marker: Path) -> None:
     code = f"dict(net_arch=[__import__('pathlib').Path({str(marker)!r}).touch() or 8])"
     path.write_text(f'AirHockeyHit-v0: {{n_timesteps: 8, policy: MlpPolicy, policy_kwargs: "{code}"}}')
     with pytest.raises(ValueError, match=r"evil\.yml.*--trust"):
-        read_hyperparameters(path, "AirHockeyHit-v0")
+        resolve(ZooArgs(hyperparams=path))
     path.with_name("tag.yml").write_text(f"!!python/object/apply:pathlib.Path.touch [{str(marker)!r}]")
     with pytest.raises(ValueError, match=r"tag\.yml"):
-        read_hyperparameters(path.with_name("tag.yml"), "AirHockeyHit-v0")
+        resolve(ZooArgs(hyperparams=path.with_name("tag.yml")))
     assert not marker.exists()
-    assert read_hyperparameters(path, "AirHockeyHit-v0", trust=True).model["policy_kwargs"] == {"net_arch": [8]}
+    assert parsed(resolve(ZooArgs(hyperparams=path, trust=True))).model["policy_kwargs"] == {"net_arch": [8]}
     assert marker.exists(), "or this test would show nothing"
 
 
@@ -305,7 +305,7 @@ DOUBLED = ", ".join(f"a{k + 1}: &a{k + 1} [*a{k}, *a{k}]" for k in range(20))
 def test_hyperparameters_that_multiply(section: str, tmp_path: Path) -> None:
     (tmp_path / "laughs.yml").write_text(f"AirHockeyHit-v0: {section}")
     with pytest.raises(ValueError, match=r"laughs\.yml.*10,000"):
-        read_hyperparameters(tmp_path / "laughs.yml", "AirHockeyHit-v0")
+        resolve(ZooArgs(hyperparams=tmp_path / "laughs.yml"))
 
 
 @pytest.mark.parametrize("damage", ["shape", "lr", "group", "nan"])

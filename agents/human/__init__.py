@@ -1,1 +1,1 @@
-"""A person at the table: a match against the clock on the wall, and its sounds."""
+"""A person at the table, with a mouse: the window of a match, and its sounds."""

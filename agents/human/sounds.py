@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.human.live_match import KINDS, Event
 from airhockey_env.drawing.window import import_pygame
+from airhockey_env.live.match import KINDS, Event
 
 RATE = 44_100
 """Samples a second."""

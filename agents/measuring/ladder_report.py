@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from agents.measuring.ladder import ANCHOR, ANCHOR_RATING, Match, Rating, cross_table, expected_scores
-from agents.plots import PALE, save_figure
+from agents.plots import BLUE, INK, PALE, RED, new_figure, save_figure
 from agents.tables import print_table
 
 
@@ -47,12 +47,11 @@ def _fixed(names: Sequence[str]) -> str:
 def draw_ladder(ratings: Sequence[Rating], matches: Sequence[Match], title: str, path: Path) -> None:
     """Draw the ratings with their intervals, and the cross table beside them."""
     from matplotlib.colors import LinearSegmentedColormap
-    from matplotlib.figure import Figure
 
     names = [rating.player for rating in ratings]
     number = len(names)
     table = max(3.0, 0.5 + 0.75 * number)  # inches: its title needs 3
-    figure = Figure(figsize=(6.0 + table, max(3.0, 1.8 + 0.55 * number)), layout="constrained")
+    figure = new_figure(6.0 + table, max(3.0, 1.8 + 0.55 * number))
     left, right = figure.subplots(1, 2, width_ratios=(5.5, table))
     figure.suptitle(title)
 
@@ -60,9 +59,7 @@ def draw_ladder(ratings: Sequence[Rating], matches: Sequence[Match], title: str,
     places = np.arange(number)
     reach = np.array([(row.rating - row.low, row.high - row.rating) for row in ratings]).clip(0.0).T
     left.hlines(places, values.min() - 60, values, color=PALE, linewidth=6, zorder=1)
-    left.errorbar(
-        values, places, xerr=reach, fmt="o", color="#2f6fdd", markersize=8, elinewidth=2.5, capsize=5, zorder=3
-    )
+    left.errorbar(values, places, xerr=reach, fmt="o", color=BLUE, markersize=8, elinewidth=2.5, capsize=5, zorder=3)
     for place, row in enumerate(ratings):
         left.annotate(f"{row.rating:.0f}", (row.high, place), (10, 0), textcoords="offset points", va="center")
     left.set_xlim(values.min() - 60, values.max() + 0.2 * (np.ptp(values) + 300))
@@ -73,12 +70,12 @@ def draw_ladder(ratings: Sequence[Rating], matches: Sequence[Match], title: str,
     left.tick_params(axis="y", length=0)
 
     scores = 100 * cross_table(names, matches)
-    colors = LinearSegmentedColormap.from_list("score", ["#e5395b", "#f7f8fa", "#2f6fdd"])
+    colors = LinearSegmentedColormap.from_list("score", [RED, "white", BLUE])
     right.imshow(np.ma.masked_invalid(scores), cmap=colors, vmin=0, vmax=100, aspect="auto")
     for (i, j), score in np.ndenumerate(scores):
         if not np.isnan(score):
             dark = abs(score - 50) > 30
-            right.text(j, i, f"{score:.0f}", ha="center", va="center", color="white" if dark else "#22252c")
+            right.text(j, i, f"{score:.0f}", ha="center", va="center", color="white" if dark else INK)
     right.set_xticks(places, names, rotation=30, ha="right", rotation_mode="anchor")
     right.set_yticks([])
     right.set_xticks(places[1:] - 0.5, minor=True)

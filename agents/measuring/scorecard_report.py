@@ -11,11 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.measuring.scorecard import Card, Share, Shots, quartiles
-from agents.plots import plain, save_figure
+from agents.plots import BLUE, GREEN, GREY, INK, RED, RULE, SKY, plain, save_figure
 from agents.tables import print_table
 from airhockey_env.tables import TableSpec
-
-BLUE, RED, GREY = "#2f6fdd", "#e5395b", "#8a8f9c"
 
 
 def print_card(card: Card) -> None:
@@ -115,7 +113,7 @@ def _bar(axis: Any, place: float, share: Share, color: str, label: str | None) -
         axis.annotate("none", (place, 0), (0, 3), textcoords="offset points", ha="center", fontsize=9, color=GREY)
     else:
         low, high = share.interval
-        axis.errorbar(place, value, yerr=[[value - 100 * low], [100 * high - value]], color="#22252c", capsize=3)
+        axis.errorbar(place, value, yerr=[[value - 100 * low], [100 * high - value]], color=INK, capsize=3)
         axis.annotate(f"{value:.0f}", (place, 100 * high), (0, 3), textcoords="offset points", ha="center", fontsize=9)
 
 
@@ -135,8 +133,8 @@ def _draw_speeds(axis: Any, shots: dict[str, Shots], opponent: str) -> None:
 def _draw_places(axis: Any, shots: dict[str, Shots], spec: TableSpec, opponent: str) -> None:
     half, goal = 0.5 * spec.width, 0.5 * spec.goal_width
     bins = np.linspace(-half, half, 42)
-    axis.axvspan(-goal, goal, color="#dff3e4", zorder=0)
-    axis.text(0, 0.98, "goal", transform=axis.get_xaxis_transform(), ha="center", va="top", color="#2c7a45")
+    axis.axvspan(-goal, goal, color=GREEN, alpha=0.12, linewidth=0, zorder=0)
+    axis.text(0, 0.98, "goal", transform=axis.get_xaxis_transform(), ha="center", va="top", color=GREEN)
     for kind, row, color in _kinds(shots):
         places = -row.arrives[np.isfinite(row.arrives)]  # seen from behind the shooter, left is left
         axis.hist(places, bins, histtype="stepfilled", color=color, alpha=0.25)
@@ -196,15 +194,14 @@ def _draw_play(axis: Any, card: Card) -> None:
     from matplotlib.legend import Legend
 
     result = card.result
-    grey = "#c9ccd4"
     rows = (
-        ("Points", ((result.wins, "won", BLUE), (result.draws, "drawn", grey), (result.losses, "lost", RED))),
+        ("Points", ((result.wins, "won", BLUE), (result.draws, "drawn", RULE), (result.losses, "lost", RED))),
         (
             "Time: puck on the far half, or in possession",
             (
                 (card.zone, "far half", BLUE),
-                (card.possession, "in possession", "#8fb3f0"),
-                (1.0 - card.attacking, "neither", grey),
+                (card.possession, "in possession", SKY),
+                (1.0 - card.attacking, "neither", RULE),
             ),
         ),
     )

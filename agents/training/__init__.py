@@ -1,1 +1,1 @@
-"""Training runs: recipes, their folders, and what stops and resumes them."""
+"""Training: one trainer, its recipes, and the folders of runs."""

@@ -2,38 +2,56 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from agents.files import COUNT, TEXT, read_json
-from agents.plots import from_zero, plain, save_figure, steps_unit, time_unit, with_interval
+from agents.files import COUNT, read_json
+from agents.plots import (
+    BLUE,
+    GREEN,
+    INK,
+    ORANGE,
+    PINK,
+    RED,
+    RULE,
+    from_zero,
+    new_figure,
+    plain,
+    save_figure,
+    steps_unit,
+    time_unit,
+    with_interval,
+)
 from agents.tables import print_table
-from agents.training.runs import EVALUATION, RunFolder
+from agents.training.checkpoints import TIMES
+from agents.training.ppo import EVALUATION
+from agents.training.runs import RunFolder
 
-COLORS = ("#2f6fdd", "#e5395b", "#1f9d72", "#b0721f", "#7a4fd0", "#3a4152")
+COLORS = (BLUE, RED, GREEN, ORANGE, PINK, INK)
 
 
 def read_runs(names: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """The records of runs by their folders' names.
+    """Read the seeds and records of runs, by the names of their folders.
 
     Raises:
         FileNotFoundError: there is no such run.
-        ValueError: its files are damaged.
+        ValueError: its files are damaged, or it is not a run of train_ppo or train_self_play.
     """
     runs = {}
     for name in names:
         folder = RunFolder.open(name)
-        config = read_json(folder.config, {"opponent": TEXT, "seed": COUNT})
-        history = read_json(folder.evaluations, {"evaluations": [EVALUATION]})
+        config = read_json(folder.config, {"seed": COUNT})
+        history = read_json(folder.evaluations, {"evaluations": [{**TIMES, **EVALUATION}]})
         if not history["evaluations"]:
             raise ValueError(f"{folder.path} has no evaluations yet")
-        runs[folder.path.name] = {"opponent": config["opponent"], "seed": config["seed"], **history}
+        runs[folder.path.name] = {"seed": config["seed"], **history}
     return runs
 
 
 def print_curves(runs: dict[str, dict[str, Any]]) -> None:
-    """Print how every run did at each evaluation."""
+    """Print the evaluations of all runs."""
     scale, label = steps_unit(max(row["steps"] for run in runs.values() for row in run["evaluations"]))
     rows = [("run", "seed", label, "minutes", "against", "wins", "losses", "draws", "of decided")]
     for name, run in runs.items():
@@ -54,34 +72,30 @@ def print_curves(runs: dict[str, dict[str, Any]]) -> None:
 
 
 def draw_curves(runs: dict[str, dict[str, Any]], path: Path) -> None:
-    """Draw the share of decided points won, with its 95 % interval, and that of draws: by steps and by minutes."""
-    from matplotlib.figure import Figure
+    """Draw the shares of decided points won, with 95 % intervals, and of draws, over steps and over time."""
     from matplotlib.ticker import PercentFormatter
 
-    figure = Figure(figsize=(11, 4.2), layout="constrained")
+    figure = new_figure(11, 4.2)
     axes = figure.subplots(1, 2, sharey=True)
-    opponents = sorted({run["opponent"] for run in runs.values()})
-    second, times = time_unit(max(row["seconds"] for run in runs.values() for row in run["evaluations"]))
-    unit, steps = steps_unit(max(row["steps"] for run in runs.values() for row in run["evaluations"]))
-    for axis, key, scale, label in (
-        (axes[0], "steps", unit, steps),
-        (axes[1], "seconds", second, f"{times} of wall time"),
+    every = [row for run in runs.values() for row in run["evaluations"]]
+    steps, seconds = (max(row[key] for row in every) for key in ("steps", "seconds"))
+    for axis, key, most, (scale, label) in (
+        (axes[0], "steps", steps, steps_unit(steps)),
+        (axes[1], "seconds", seconds, time_unit(seconds)),
     ):
         for k, (name, run) in enumerate(runs.items()):
-            color = COLORS[k % len(COLORS)]
-            rows = run["evaluations"]
+            color, rows = COLORS[k % len(COLORS)], run["evaluations"]
             x = [row[key] / scale for row in rows]
-            nan = float("nan")  # what JSON keeps as null
-            won = [nan if row["decided_win_rate"] is None else row["decided_win_rate"] for row in rows]
+            won = [math.nan if row["decided_win_rate"] is None else row["decided_win_rate"] for row in rows]
             intervals = [row["decided_win_rate_95"] for row in rows]
             with_interval(axis, x, won, intervals, color, f"{name}, seed {run['seed']}")
             axis.plot(x, [row["draws"] / row["points"] for row in rows], color=color, linestyle=":", linewidth=1.2)
-        axis.set(xlabel=label, ylim=(0, 1))
-        from_zero(axis, max(row[key] / scale for run in runs.values() for row in run["evaluations"]))
+        axis.set(xlabel=label if key == "steps" else f"{label} of training", ylim=(0, 1))
+        from_zero(axis, most / scale)
         axis.yaxis.set_major_formatter(PercentFormatter(1.0))
-        axis.axhline(0.9, color="#c9ccd4", linewidth=1, zorder=0)
+        axis.axhline(0.9, color=RULE, linewidth=1, zorder=0)
         plain(axis)
-    axes[0].set(title=f"Decided points won against {' and '.join(opponents)} (dotted: draws)")
-    axes[0].title.set_size(11)
+    opponents = " and ".join(sorted({row["opponent"] for row in every}))
+    axes[0].set_title(f"Decided points won against {opponents} (dotted: draws)", size=11)
     axes[1].legend(frameon=False, loc="lower right")
     save_figure(figure, path)

@@ -1,36 +1,36 @@
-"""What every training command needs around Stable-Baselines3's `learn`."""
+"""Seeds, schedules, a progress bar and a log for Stable-Baselines3's `learn`."""
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import KVWriter
 from stable_baselines3.common.vec_env import VecEnv
 
 from agents.seeding import sequence, table_seeds
-from agents.training.stopping import Stop, Stopped
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 
 
 def seed_tables(env: VecEnv, seeds: list[int]) -> None:
-    """Seed the next reset of wrapped tables, each with its own seed."""
+    """Seed the next reset of wrapped tables, with one seed per table."""
     tables = env.unwrapped
     assert isinstance(tables, AirHockeySB3VecEnv)
     tables.seed(seeds)
 
 
 def seed_learning(model: BaseAlgorithm, env: VecEnv, purpose: str, seed: int) -> None:
-    """Let a model learn on these tables next, with streams that no other run and no earlier session of this one has.
+    """Prepare a model to learn on these tables, with random streams of their own for every run and session.
 
-    Stable-Baselines3 seeds exploration and tables from the model's seed whenever a model is made or loaded, so this
-    comes after that and right before `learn`.
+    Stable-Baselines3 seeds exploration and tables from the model's seed whenever a model is made or loaded, so this has
+    to follow that, directly before `learn`.
 
     Args:
         purpose: "practice" or "training".
-        seed: the run's.
+        seed: the seed of the run.
     """
     begun = model.num_timesteps
     model.set_random_seed(int(sequence("actions", seed, begun).generate_state(1)[0]))
@@ -38,8 +38,24 @@ def seed_learning(model: BaseAlgorithm, env: VecEnv, purpose: str, seed: int) ->
     seed_tables(env, table_seeds(purpose, seed, env.num_envs, begun))
 
 
+@dataclass(frozen=True)
+class Falling:
+    """A schedule that falls linearly during a run; with the defaults, that is RL-Zoo's `lin_`."""
+
+    start: float
+    to: float = 0.0
+    """The final value, as a share of the start."""
+    begins: float = 0.0
+    """The share of the run after which the value falls."""
+
+    def __call__(self, remaining: float) -> float:
+        """The value when this share of the run remains. In the last rollout, that can be slightly negative."""
+        stays = self.begins >= 1.0 or remaining >= 1.0 - self.begins
+        return self.start * (self.to + (1.0 - self.to) * (1.0 if stays else remaining / (1.0 - self.begins)))
+
+
 class ProgressBar(BaseCallback):
-    """Shows the steps of the run; ends at 100 %, though Stable-Baselines3 rounds up to whole rollouts."""
+    """Shows the steps of the run. It ends at 100 %, although Stable-Baselines3 rounds up to whole rollouts."""
 
     bar: Any = None
 
@@ -54,35 +70,28 @@ class ProgressBar(BaseCallback):
         return True
 
     def _on_training_end(self) -> None:
-        self.close()
+        self.bar.close()
+
+
+class Records(KVWriter):
+    """Appends a row to the records of a run when Stable-Baselines3 writes its log."""
+
+    def __init__(self, rows: list[dict[str, float]], seconds: Callable[[], float]) -> None:
+        self.rows, self.seconds = rows, seconds
+
+    def write(self, key_values: dict[str, Any], key_excluded: dict[str, Any], step: int = 0) -> None:
+        names = {
+            "rollout/ep_len_mean": "episode_length",
+            "rollout/ep_rew_mean": "episode_reward",
+            "train/entropy_loss": "entropy",
+            "train/approx_kl": "kl",
+            "train/explained_variance": "explained_variance",
+            "time/fps": "fps",
+        }
+        row = {names[key]: float(value) for key, value in key_values.items() if key in names}
+        if "entropy" in row:
+            row["entropy"] = -row["entropy"]
+        self.rows.append({"steps": step, "seconds": self.seconds(), **row})
 
     def close(self) -> None:
-        """Leave the bar as it is: training has ended, or was stopped."""
-        if self.bar is not None:
-            self.bar.close()
-
-
-@contextlib.contextmanager
-def learning(stop: Stop, bar: ProgressBar, save: Callable[[], object], go_on: str) -> Iterator[None]:
-    """Let what is within learn until it ends, fails or is asked to stop; however it ends, `save` comes next.
-
-    Args:
-        go_on: the command that goes on with the run.
-
-    Raises:
-        Stopped, KeyboardInterrupt: the command was asked to end, by more than one Ctrl-C. The run is saved.
-    """
-    try:
-        yield
-    except BaseException as error:
-        asked = isinstance(error, (KeyboardInterrupt, Stopped)) and stop.asked
-        if not asked:
-            save()
-            raise
-    finally:
-        bar.close()
-    save()
-    if stop.asked:
-        print(f"\nStopped; the run is saved. Go on with: {go_on}")
-        stop.take_ctrl_c()
-        stop.check()
+        """Do nothing, because no file is open."""

@@ -1,62 +1,76 @@
-"""Self-play: PPO in a league of its own past selves and the scripted opponents."""
+"""The recipe for self-play: PPO learns in a league with its past selves and named opponents."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
-from agents.options import Count, OptionalCount, check_ranges
+from stable_baselines3 import PPO
+
+from agents.options import Count, check_ranges
+from agents.sb3_files import read_model
+from agents.training import ppo
 from agents.training.league import League
-from agents.training.ppo import TrainArgs
+from agents.training.recipe import Recipe, Setup
+from agents.training.runs import RunFolder
+
+STEPS = 30_000_000
 
 
 @dataclass(frozen=True)
-class SelfPlayArgs(TrainArgs):
-    """Train an agent with PPO by self-play. Everything goes into one folder, runs/NAME/."""
+class SelfPlayArgs(ppo.PpoArgs):
+    """Train an agent with PPO by self-play, and write everything into one folder, runs/NAME/."""
 
     start: str | None = None
-    """Begin with the network of this run (its folder, or its name under runs/) in place of shooting practice."""
-    steps: OptionalCount = None
-    """Environment steps in all, as 30_000_000, 30M or 3e7. The default is 30 million, or with --resume what the run was
-    to have."""
-    opponents: tuple[str, ...] = ("striker", "goalie", "idle")
-    """The scripted opponents in the league."""
+    """Begin with the network of this run (its folder, or its name under runs/) instead of shooting practice."""
+    opponent: tuple[str, ...] = ("striker", "goalie", "idle")
+    """Train against these named opponents, and against the agent itself and its past selves."""
     learning_rate: float = 4e-4
-    """The learning rate during practice. After that it falls linearly to a fiftieth."""
     sde_sample_freq: Count = 0
-    """The number of steps that a random disturbance of the actions lasts (gSDE). With 0 disturbances are independent in
-    every step; here large ones of that kind make the better players."""
+    """Keep each random disturbance of the actions for this many steps (gSDE). With 0, the disturbances of each step are
+    independent."""
     log_std_init: float = -1.2
-    """The logarithm of the disturbance at the start."""
+    """Start with disturbances whose standard deviation has this logarithm."""
     latest_share: float = 0.3
-    """The share of episodes against the agent as it is now."""
+    """Play this share of the episodes against the agent as it is now."""
     scripted_share: float = 0.25
-    """The share of episodes against the scripted opponents. The others are against past selves. In both kinds, hard
-    opponents come more often."""
+    """Play this share of the episodes against the named opponents, and the rest against past selves. In both groups,
+    hard opponents are drawn more often."""
     snapshot_every: Count = 2_000_000
-    """The number of steps between the copies of the agent that join the league."""
+    """Add a copy of the agent to the league every this many steps."""
     most_past_selves: Count = 12
-    """The greatest number of copies in the league. The weakest leaves when there are more."""
+    """Keep at most this many copies in the league. A further one replaces the weakest."""
 
-    default_steps = 30_000_000
-    command = "train_self_play"
 
-    def check(self) -> None:
-        super().check()
-        check_ranges(
-            self, latest_share=(0, 1), scripted_share=(0, 1 - self.latest_share), snapshot_every=(1, math.inf),
-            most_past_selves=(1, 1000),
-        )  # fmt: skip
+def resolve(args: SelfPlayArgs) -> SelfPlayArgs:
+    """Check the options and fill in the numbers of steps. See `Recipe.resolve`."""
+    check_ranges(
+        args, latest_share=(0, 1), scripted_share=(0, 1 - args.latest_share), snapshot_every=(1, math.inf),
+        most_past_selves=(1, 1000),
+    )  # fmt: skip
+    return ppo.resolve(dataclasses.replace(args, steps=args.steps or STEPS))
 
-    def begins_with(self) -> str | None:
-        return self.start
 
-    def league(self) -> League:
-        return League(
-            self.opponents,
-            latest_share=self.latest_share,
-            scripted_share=self.scripted_share,
-            snapshot_every=self.snapshot_every,
-            most_past_selves=self.most_past_selves,
-            seed=self.seed,
-        )
+def build(args: SelfPlayArgs, new: bool) -> Setup:
+    """See `Recipe.build`."""
+    model = ppo.make_model(args, ppo.make_env(args))
+    if new and args.start is not None:
+        take_over(model, RunFolder.open(args.start, "--start"))
+    return ppo.setup(args, model, League(args), practise=args.start is None)
+
+
+def take_over(model: PPO, folder: RunFolder) -> None:
+    """Copy the network of another run into a new model, except for its exploration noise.
+
+    Raises:
+        ValueError: the networks differ in shape.
+    """
+    network = {**read_model(folder.model).params["policy"], "log_std": model.policy.log_std}
+    try:
+        model.policy.load_state_dict(network)
+    except RuntimeError as error:
+        raise ValueError(f"--start must name a run with the same --net-width, got {folder.path}: {error}") from error
+
+
+RECIPE = Recipe("train_self_play", SelfPlayArgs, resolve, build, ppo.EVALUATION)

@@ -1,7 +1,7 @@
-"""Signals ask a training command to stop, and it stops where nothing is lost.
+"""Stopping a training command by signals without losing anything.
 
-Ctrl-C ends learning; the run is saved and the report written all the same. A second one, SIGTERM or SIGHUP ends the
-command as soon as the run is saved. No signal breaks into anything: they are noted, and looked at between two steps.
+Ctrl-C ends learning; the run is saved and the report follows. A second one, SIGTERM or SIGHUP ends the command as soon
+as the run is saved. Signals interrupt nothing: they are noted, and checked between two steps.
 """
 
 from __future__ import annotations
@@ -21,32 +21,30 @@ Item = TypeVar("Item")
 
 
 class Stopped(SystemExit):
-    """A signal ended the command: exit code 128 and the signal's number, by the shells' convention."""
+    """A signal ended the command. The exit code is 128 plus the signal's number, as in shells."""
 
 
 class Stop:
-    """What signals have asked for and what has not been heeded yet."""
+    """The signals that have arrived and were not handled yet."""
 
     def __init__(self) -> None:
         self.asked: list[int] = []
 
     def note(self, number: int, _: object = None) -> None:
-        """Take a signal; for `signal.signal`."""
+        """Note a signal. This is a handler for `signal.signal`."""
         self.asked.append(number)
 
-    def take_ctrl_c(self) -> bool:
-        """Whether there was a Ctrl-C, which is heeded with this."""
+    def forget_ctrl_c(self) -> None:
+        """Forget one Ctrl-C, if there was one, because it was handled."""
         if signal.SIGINT in self.asked:
             self.asked.remove(signal.SIGINT)
-            return True
-        return False
 
     def check(self) -> None:
-        """Stop here, if it is asked for. Call it where stopping breaks nothing.
+        """Stop here if a signal has arrived. Call this where stopping breaks nothing.
 
         Raises:
-            Stopped: by SIGTERM or SIGHUP.
-            KeyboardInterrupt: by Ctrl-C.
+            Stopped: SIGTERM or SIGHUP has arrived.
+            KeyboardInterrupt: Ctrl-C was pressed.
         """
         for number in self.asked:
             if number != signal.SIGINT:
@@ -54,19 +52,19 @@ class Stop:
         if self.asked:
             raise KeyboardInterrupt
 
-    def watch(self, *_: Any) -> Callable[..., None]:
-        """Look on while points are played (`agents.measuring.evaluation.Watch`) and stop between two steps."""
+    def observe(self, *_: Any) -> Callable[..., None]:
+        """Stop between two steps of an evaluation. This is an observer for `play_points`."""
         return lambda *_: self.check()
 
     def between(self, items: Iterable[Item]) -> Iterator[Item]:
-        """The same items; stops between two of them."""
+        """Yield the same items, and stop between two of them."""
         for item in items:
             self.check()
             yield item
 
 
 class StopLearning(BaseCallback):
-    """Ends learning at the next step, if it is asked for."""
+    """Ends learning at the next step after a signal."""
 
     def __init__(self, stop: Stop) -> None:
         super().__init__()
@@ -78,16 +76,16 @@ class StopLearning(BaseCallback):
 
 @contextlib.contextmanager
 def stopping() -> Iterator[Stop]:
-    """Let signals be noted, in place of what they do otherwise, until what is within ends.
+    """Within this context, signals are noted instead of having their usual effect.
 
-    Those that are ignored stay so (nohup ignores SIGHUP, and shells Ctrl-C for jobs in the background). Outside of the
-    main thread nothing changes: Python's signals belong to that one.
+    Ignored signals stay ignored: nohup ignores SIGHUP, and shells ignore Ctrl-C in background jobs. Outside the main
+    thread nothing changes, because Python handles signals only there.
     """
     stop, before = Stop(), {}
     if threading.current_thread() is threading.main_thread():
         for number in SIGNALS:
             handler = signal.getsignal(number)
-            if handler not in (signal.SIG_IGN, None):  # None: not set by Python, so not ours to replace
+            if handler not in (signal.SIG_IGN, None):  # None: the handler was not set by Python
                 before[number] = handler
                 signal.signal(number, stop.note)
     try:

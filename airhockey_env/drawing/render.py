@@ -13,27 +13,13 @@ import numpy as np
 
 from airhockey_env.checks import as_array, check_number, check_whole_pair, fault
 from airhockey_env.drawing import raster
+from airhockey_env.drawing.palette import COLORS, Color
 from airhockey_env.tables import TableSpec
-
-Color = tuple[int, int, int]
 
 DEFAULT_WIDTH = 960
 """Width of a picture if no size is given, px."""
 SMALLEST, LARGEST = 32, 8192
 """Smallest and largest width and height of a picture, px."""
-
-# Colours: red, green, blue. LEFT and RIGHT are those of the players.
-LEFT, LEFT_DARK, LEFT_LIGHT = (240, 74, 104), (186, 38, 72), (255, 138, 156)
-RIGHT, RIGHT_DARK, RIGHT_LIGHT = (42, 132, 246), (20, 88, 190), (120, 184, 255)
-ROOM = (14, 17, 25)
-RAIL, RAIL_EDGE, RAIL_TOP = (36, 43, 60), (58, 68, 92), (46, 54, 75)
-LIP = (196, 207, 222)
-POCKET, POCKET_EDGE = (12, 15, 23), (62, 73, 98)
-SURFACE, SURFACE_SHADE, HOLE = (240, 244, 249), (203, 213, 226), (196, 207, 221)
-MARKING = (134, 149, 181)
-PUCK, PUCK_DARK, PUCK_LIGHT = (38, 45, 62), (18, 22, 32), (246, 190, 72)
-BLACK, WHITE = (0, 0, 0), (255, 255, 255)
-CLOCK_TRACK, CLOCK_CALM, CLOCK_SOON, CLOCK_LATE = (22, 27, 39), (160, 174, 200), (255, 184, 48), (255, 70, 48)
 
 # Sizes that a `TableSpec` does not define, m.
 RAIL_WIDTH = 0.10
@@ -73,27 +59,27 @@ class Layer(NamedTuple):
 
 def _mallet(color: Color, dark: Color, light: Color) -> tuple[Layer, ...]:
     return (
-        Layer(1.06, 0.26, 0.55, BLACK, 0.42),
+        Layer(1.06, 0.26, 0.55, COLORS.black, 0.42),
         Layer(1.00, 0.00, 0.0, dark, 1.0),
         Layer(0.93, -0.03, 0.0, color, 1.0),
         Layer(0.74, 0.00, 0.0, dark, 0.55),
         Layer(0.70, 0.02, 0.0, color, 1.0),
-        Layer(0.52, 0.14, 0.35, BLACK, 0.40),
+        Layer(0.52, 0.14, 0.35, COLORS.black, 0.40),
         Layer(0.44, 0.00, 0.0, dark, 1.0),
         Layer(0.41, -0.03, 0.0, light, 1.0),
-        Layer(0.24, -0.12, 0.40, WHITE, 0.65),
+        Layer(0.24, -0.12, 0.40, COLORS.white, 0.65),
     )
 
 
-LEFT_MALLET = _mallet(LEFT, LEFT_DARK, LEFT_LIGHT)
-RIGHT_MALLET = _mallet(RIGHT, RIGHT_DARK, RIGHT_LIGHT)
+LEFT_MALLET = _mallet(COLORS.left, COLORS.left_dark, COLORS.left_light)
+RIGHT_MALLET = _mallet(COLORS.right, COLORS.right_dark, COLORS.right_light)
 PUCK_LAYERS = (
-    Layer(1.04, 0.16, 0.40, BLACK, 0.38),
-    Layer(1.00, 0.00, 0.0, PUCK_DARK, 1.0),
-    Layer(0.92, -0.03, 0.0, PUCK, 1.0),
-    Layer(0.74, 0.00, 0.0, PUCK_LIGHT, 1.0),
-    Layer(0.54, 0.00, 0.0, PUCK_DARK, 1.0),
-    Layer(0.50, 0.02, 0.0, PUCK, 1.0),
+    Layer(1.04, 0.16, 0.40, COLORS.black, 0.38),
+    Layer(1.00, 0.00, 0.0, COLORS.puck_dark, 1.0),
+    Layer(0.92, -0.03, 0.0, COLORS.puck, 1.0),
+    Layer(0.74, 0.00, 0.0, COLORS.puck_light, 1.0),
+    Layer(0.54, 0.00, 0.0, COLORS.puck_dark, 1.0),
+    Layer(0.50, 0.02, 0.0, COLORS.puck, 1.0),
 )
 
 
@@ -211,8 +197,8 @@ class Renderer:
         if self._digit_height() < SMALLEST_DIGIT or clock == 0.0:
             return
         used = abs(clock)
-        color = _mix(CLOCK_CALM, CLOCK_SOON, (used - 0.4) / 0.25)
-        color = _mix(color, CLOCK_LATE, (used - 0.75) / 0.2)
+        color = _mix(COLORS.clock_calm, COLORS.clock_soon, (used - 0.4) / 0.25)
+        color = _mix(color, COLORS.clock_late, (used - 0.75) / 0.2)
         self._draw_clock_line(image, math.copysign(used, clock), 0.55 * CLOCK_WIDTH, color)
 
     def _draw_clock_line(self, image: np.ndarray, share: float, width: float, color: Color) -> None:
@@ -233,10 +219,10 @@ class Renderer:
         image = self._background.copy()
         if self._digit_height() < SMALLEST_DIGIT:
             return image
-        self._draw_clock_line(image, -1.0, CLOCK_WIDTH, CLOCK_TRACK)
-        self._draw_clock_line(image, 1.0, CLOCK_WIDTH, CLOCK_TRACK)
-        self._draw_number(image, -1.0, score[0], LEFT_LIGHT)
-        self._draw_number(image, 1.0, score[1], RIGHT_LIGHT)
+        self._draw_clock_line(image, -1.0, CLOCK_WIDTH, COLORS.clock_track)
+        self._draw_clock_line(image, 1.0, CLOCK_WIDTH, COLORS.clock_track)
+        self._draw_number(image, -1.0, score[0], COLORS.left_light)
+        self._draw_number(image, 1.0, score[1], COLORS.right_light)
         return image
 
     def _draw_number(self, image: np.ndarray, side: float, number: int, color: Color) -> None:
@@ -255,11 +241,11 @@ class Renderer:
         """Everything except score, clock, paddles and puck; drawn when first needed."""
         width, height = self.size
         image = np.empty((height, width, 3), dtype=np.uint8)
-        image[:] = ROOM
+        image[:] = COLORS.room
         self._draw_rails(image)
         self._draw_surface(image)
         self._draw_lip(image)
-        for side, color in ((-1.0, LEFT), (1.0, RIGHT)):
+        for side, color in ((-1.0, COLORS.left), (1.0, COLORS.right)):
             self._draw_goal(image, side, color)
         return image
 
@@ -273,16 +259,16 @@ class Renderer:
 
     def _draw_rails(self, image: np.ndarray) -> None:
         edge = 0.007
-        self._box(image, RAIL_WIDTH, RAIL_CORNER, 0.0, RAIL_EDGE)
-        self._box(image, RAIL_WIDTH - edge, RAIL_CORNER - edge, 0.0, RAIL)
-        self._box(image, RAIL_WIDTH - 0.03, RAIL_CORNER - 0.03, 0.03, RAIL_TOP)
+        self._box(image, RAIL_WIDTH, RAIL_CORNER, 0.0, COLORS.rail_edge)
+        self._box(image, RAIL_WIDTH - edge, RAIL_CORNER - edge, 0.0, COLORS.rail)
+        self._box(image, RAIL_WIDTH - 0.03, RAIL_CORNER - 0.03, 0.03, COLORS.rail_top)
 
     def _draw_surface(self, image: np.ndarray) -> None:
         """Draw the playing surface with the soft shade of the rails, air holes and markings."""
         # Draw on a copy and paste it, so that shade and creases end at the walls.
         surface = image.copy()
-        self._box(surface, 0.02, 0.0, 0.0, SURFACE_SHADE)
-        self._box(surface, 0.01, 0.04, 0.09, SURFACE)
+        self._box(surface, 0.02, 0.0, 0.0, COLORS.surface_shade)
+        self._box(surface, 0.01, 0.04, 0.09, COLORS.surface)
         self._draw_holes(surface)
         self._draw_markings(surface)
         left, top = (math.floor(edge) for edge in self.to_picture(-0.5 * self.table.length, 0.5 * self.table.width))
@@ -293,13 +279,13 @@ class Renderer:
         """Draw the centre line and circle, and a half disc in front of each goal in the colour of its player."""
         line = max(1.0, LINE_WIDTH * self.scale)
         ends = np.array([self.to_picture(0.0, side * 0.5 * self.table.width) for side in (1.0, -1.0)])
-        raster.stroke(image, ends, line, 1.0, MARKING, 1.0)
+        raster.stroke(image, ends, line, 1.0, COLORS.marking, 1.0)
         x, y = self.to_picture(0.0, 0.0)
-        raster.disc(image, x, y, CENTRE_CIRCLE * self.scale, 1.0, SURFACE, 1.0)
-        raster.ring(image, x, y, CENTRE_CIRCLE * self.scale, line, 1.0, MARKING, 1.0)
-        raster.disc(image, x, y, max(1.0, CENTRE_SPOT * self.scale), 1.0, MARKING, 1.0)
+        raster.disc(image, x, y, CENTRE_CIRCLE * self.scale, 1.0, COLORS.surface, 1.0)
+        raster.ring(image, x, y, CENTRE_CIRCLE * self.scale, line, 1.0, COLORS.marking, 1.0)
+        raster.disc(image, x, y, max(1.0, CENTRE_SPOT * self.scale), 1.0, COLORS.marking, 1.0)
         crease = (0.5 * self.table.goal_width + CREASE_MARGIN) * self.scale
-        for side, color in ((-1.0, LEFT), (1.0, RIGHT)):
+        for side, color in ((-1.0, COLORS.left), (1.0, COLORS.right)):
             x, y = self.to_picture(side * 0.5 * self.table.length, 0.0)
             raster.disc(image, x, y, crease, 1.0, color, 0.10)
             raster.ring(image, x, y, crease, line, 1.0, color, 0.8)
@@ -313,7 +299,7 @@ class Renderer:
         for column in range(-columns, columns + 1):
             for row in range(-rows, rows + 1):
                 x, y = self.to_picture(column * HOLE_SPACING, row * HOLE_SPACING)
-                raster.disc(image, x, y, radius, 1.0, HOLE, min(1.0, radius))
+                raster.disc(image, x, y, radius, 1.0, COLORS.hole, min(1.0, radius))
 
     def _draw_lip(self, image: np.ndarray) -> None:
         """Draw the bright strip around the surface that the puck bounces off; its inner edge is the wall."""
@@ -322,13 +308,13 @@ class Renderer:
         corners = np.array([self.to_picture(*corner) for corner in ((-x, y), (x, y), (x, -y), (-x, -y), (-x, y))])
         # One side at a time, because the bounding box of a single stroke would be the whole table.
         for side in range(4):
-            raster.stroke(image, corners[side : side + 2], max(1.0, LIP_WIDTH * self.scale), 1.0, LIP, 1.0)
+            raster.stroke(image, corners[side : side + 2], max(1.0, LIP_WIDTH * self.scale), 1.0, COLORS.lip, 1.0)
 
     def _draw_goal(self, image: np.ndarray, side: float, color: Color) -> None:
         """Draw a dark pocket in the rail, the goal line in front of it, and a post on either side."""
         line = 0.5 * self.table.length
         half = 0.5 * self.table.goal_width
-        for grow, shade in ((0.006, POCKET_EDGE), (0.0, POCKET)):
+        for grow, shade in ((0.006, COLORS.pocket_edge), (0.0, COLORS.pocket)):
             near, top = self.to_picture(side * line, half)
             far, bottom = self.to_picture(side * (line + POCKET_DEPTH + grow), -half)
             corner = min(0.02, 0.5 * half) * self.scale
@@ -336,4 +322,4 @@ class Renderer:
         ends = np.array([self.to_picture(side * line, half), self.to_picture(side * line, -half)])
         raster.stroke(image, ends, max(1.5, 1.5 * LINE_WIDTH * self.scale), 1.0, color, 1.0)
         for end in ends:
-            raster.disc(image, end[0], end[1], max(1.0, POST_RADIUS * self.scale), 1.0, LIP, 1.0)
+            raster.disc(image, end[0], end[1], max(1.0, POST_RADIUS * self.scale), 1.0, COLORS.lip, 1.0)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 from airhockey_env.compiled import compiled, inlined
 from airhockey_env.engine.cluster import collapses, gather, settle
 from airhockey_env.engine.impact import relieve, strike_disc, strike_edge
-from airhockey_env.engine.kiss import next_kiss
+from airhockey_env.engine.kiss import at_edge, next_kiss
 from airhockey_env.engine.motion import fly
 from airhockey_env.engine.near import find_near, keep_near
 from airhockey_env.engine.records import DISC, GOAL, NOTHING, WALL, Outcome
@@ -19,20 +17,8 @@ def resolve(discs, kiss, surface, contacts, count, time):
     if kiss.kind == DISC:
         return strike_disc(discs, kiss.a, kiss.b, surface.disc_restitution, contacts, count, time)
     a = kiss.a
-    if kiss.kind == WALL:
-        axis = kiss.b // 2
-        sign = 1.0 if kiss.b % 2 == 0 else -1.0
-        limit = surface.half_length if axis == 0 else surface.half_width
-        discs.position[a, axis] = sign * (limit - discs.radius[a])  # exactly on the wall: rounding must not add up
-        nx = -sign if axis == 0 else 0.0
-        ny = -sign if axis == 1 else 0.0
-    else:
-        end = 1.0 if kiss.b // 2 == 0 else -1.0
-        side = 1.0 if kiss.b % 2 == 0 else -1.0
-        dx = discs.position[a, 0] - end * surface.half_length
-        dy = discs.position[a, 1] - side * surface.half_goal
-        distance = math.sqrt(dx * dx + dy * dy)
-        nx, ny = dx / distance, dy / distance
+    x, y, nx, ny = at_edge(discs.position[a, 0], discs.position[a, 1], discs.radius[a], surface, kiss)
+    discs.position[a, 0], discs.position[a, 1] = x, y
     return strike_edge(discs, a, nx, ny, surface, contacts, count, time)
 
 

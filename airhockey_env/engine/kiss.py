@@ -113,6 +113,23 @@ def _earlier_edge(x, y, vx, vy, radius, surface, a, best):
 
 
 @inlined
+def at_edge(x, y, radius, surface, kiss):
+    """Where a disc at (x, y) kisses the wall or post of `kiss`, which `_earlier_edge` numbered, and the unit normal.
+
+    Returns (x, y, nx, ny). On a wall the disc is put exactly there: rounding must not add up.
+    """
+    first = 1.0 if kiss.b % 2 == 0 else -1.0
+    if kiss.kind == POST:
+        end, side = 1.0 if kiss.b // 2 == 0 else -1.0, first
+        dx, dy = x - end * surface.half_length, y - side * surface.half_goal
+        distance = math.sqrt(dx * dx + dy * dy)
+        return x, y, dx / distance, dy / distance
+    if kiss.b == SIDE_WALL or kiss.b == SIDE_WALL + 1:
+        return x, first * (surface.half_width - radius), 0.0, -first
+    return first * (surface.half_length - radius), y, -first, 0.0
+
+
+@inlined
 def _earlier_pair(discs, a, b, best):
     """Return the earlier of `best` and the kiss of discs a and b."""
     position, velocity = discs.position, discs.velocity

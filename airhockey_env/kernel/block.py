@@ -71,6 +71,7 @@ BLOCK = np.dtype(
         ("truncated", np.int64, (TABLES,)),
         ("success", np.int64, (TABLES,)),
         ("reward", np.float64, (2, TABLES)),
+        ("hits", np.int32, (3,)),  # room for the engine's counts
     ],
     align=True,
 )

@@ -41,7 +41,6 @@ CAMERA_STATE = np.dtype(
         ("frame", np.int64),  # number of the next frame
         ("first", np.int64),  # place in the queue of the frame that arrives next
         ("waiting", np.int64),  # frames in the queue
-        ("latest", np.float64),  # when the last of them arrives
         ("known", np.int64, (2,)),  # remembered positions of the opponent's paddle, the puck
         ("next", np.int64, (2,)),  # place in these rings of the next
         ("true", np.float64, (2, 4)),  # x, y, vx, vy of these at the last control step, m and m/s
@@ -182,8 +181,6 @@ def remember(state, past, disc, time, x, y):
 def slope(state, past, disc, tick):
     """Velocity, m/s, of the least-squares line through the remembered positions; 0 while there is only one."""
     n = state.known[disc]
-    if n < 2:
-        return 0.0, 0.0
     t0, x0, y0 = past[disc, 0, 0], past[disc, 0, 1], past[disc, 0, 2]
     t, x, y, tt, tx, ty = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(n):  # relative to one of them, so that little is lost to rounding
@@ -194,8 +191,10 @@ def slope(state, past, disc, tick):
         tt += dt * dt
         tx += dt * dx
         ty += dt * dy
-    below = (tt - t * t / n) * tick
-    return (tx - t * x / n) / below, (ty - t * y / n) / below
+    spread = tt - t * t / n
+    if not spread > 0.0:
+        return 0.0, 0.0
+    return (tx - t * x / n) / (spread * tick), (ty - t * y / n) / (spread * tick)
 
 
 @inlined
@@ -218,8 +217,6 @@ def take_frame(state, camera, queue, tick, time, now):
     arrives = time + camera.delay
     if camera.jitter > 0.0:
         arrives += camera.jitter * (2.0 * draw(state) - 1.0)
-    arrives = max(arrives, state.latest)
-    state.latest = arrives
     k = state.first + state.waiting
     if k >= queue.shape[0]:
         k -= queue.shape[0]
@@ -232,7 +229,7 @@ def take_frame(state, camera, queue, tick, time, now):
 
 @inlined
 def receive(state, camera, queue, past, tick):
-    """Make sense of the frames that have arrived by now."""
+    """Take in the frames that have arrived by now. A frame that would overtake another waits for it in the queue."""
     new_other, new_puck = False, False
     while state.waiting > 0 and queue[state.first, ARRIVES] <= state.step + MOMENT:
         k = state.first
@@ -257,7 +254,7 @@ def receive(state, camera, queue, past, tick):
 
 @inlined
 def measure(state, camera, params):
-    """Note the sizes of the table and the scales of its observations, which hold for an episode."""
+    """Note the sizes of the table and the scales of its observations, which stay the same for an episode."""
     state.reach = camera.occlusion + params.radius[RIGHT] + params.radius[PUCK] if camera.occlusion > 0.0 else 0.0
     for disc in range(DISCS):
         per_speed = params.per_paddle if disc == OTHER else params.per_puck
@@ -281,15 +278,16 @@ def show(state, observation):
 
 
 @compiled
-def start_episode(state, camera, past, params, observation, now):
-    """Begin an episode: its first frame is seen at once, whole."""
+def start_episode(state, camera, queue, past, params, observation, now):
+    """Begin an episode: its first frame is seen immediately and completely, and nothing of the last episode is kept."""
+    queue[:] = 0.0
+    past[:] = 0.0
     measure(state, camera, params)
     look(state, observation, now)
     state.step = 0
     state.frame = 1
     state.first = 0
     state.waiting = 0
-    state.latest = 0.0
     for disc in range(DISCS):
         state.known[disc] = 0
         state.next[disc] = 0
@@ -306,7 +304,7 @@ def start_episode(state, camera, past, params, observation, now):
 
 @compiled
 def follow(state, camera, queue, past, observation, now):
-    """Go one control step on."""
+    """Follow the game for one control step."""
     tick = 1.0 / camera.control_hz
     look(state, observation, now)
     state.step += 1
@@ -323,7 +321,7 @@ def follow(state, camera, queue, past, observation, now):
 
 @compiled
 def follow_rows(first, last, player, parameters, cameras, out):
-    """What a player's camera makes of a step of the tables `first` to `last` (excluded), after `step_rows`.
+    """Let a player's camera follow a step of the tables `first` to `last` (excluded), after `step_rows`.
 
     Args:
         player: LEFT or RIGHT.
@@ -341,22 +339,22 @@ def follow_rows(first, last, player, parameters, cameras, out):
             continue
         if out.terminated[i] or out.truncated[i]:  # the end came in the same step
             follow(state, camera, queue, past, out.final_observation[player, i], now)
-        start_episode(state, camera, past, params_of(parameters, i), observation, now)
+        start_episode(state, camera, queue, past, params_of(parameters, i), observation, now)
 
 
 @compiled
 def start_rows(rows, player, parameters, cameras, out):
-    """Begin an episode on each of the given tables, as a player's camera sees it, after `reset_rows`."""
+    """Let a player's camera begin an episode on each of the given tables, after `reset_rows`."""
     camera = cameras.camera[0]
     now = np.empty(4 * DISCS)
     for k in range(rows.shape[0]):
         i = rows[k]
-        params = params_of(parameters, i)
-        start_episode(cameras.states[i], camera, cameras.past[i], params, out.observation[player, i], now)
+        state, queue, past = cameras.states[i], cameras.queue[i], cameras.past[i]
+        start_episode(state, camera, queue, past, params_of(parameters, i), out.observation[player, i], now)
 
 
 @compiled
 def show_rows(rows, player, cameras, out):
-    """What a player knows of each of the given tables, after `refresh_rows`."""
+    """Show what a player's camera has seen of each of the given tables, after `refresh_rows`."""
     for k in range(rows.shape[0]):
         show(cameras.states[rows[k]], out.observation[player, rows[k]])

@@ -17,8 +17,8 @@ class Outputs(NamedTuple):
     """The results of the last reset or step on N tables; allocated once, overwritten by the next.
 
     The first axis of `observation`, `final_observation` and `reward` is the seat: LEFT or RIGHT. A seat's observations,
-    and the shaping terms of its rewards, are worked out only where somebody looks at them: the caller, or a policy.
-    Scripted players look at the state itself.
+    and the shaping terms of its rewards, are worked out only where somebody looks at them: the caller, a policy or a
+    camera. Scripted players look at the state itself.
     """
 
     observation: NDArray[np.float32]

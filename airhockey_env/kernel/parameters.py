@@ -1,4 +1,4 @@
-"""From a `TableSpec` to what the compiled code plays by, and tables drawn anew for every episode."""
+"""From a `TableSpec` to the numbers that the compiled code plays by, also for tables drawn for every episode."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ def _clamp(value, limit):
 
 @inlined
 def wander(state, player):
-    """Random: a direction and speed, drawn anew ten steps apart on average."""
+    """Random: a direction and speed, which change every ten steps on average."""
     if draw(state) < 0.1:
         state.wander[player, 0] = draw_between(state, -1.0, 1.0)
         state.wander[player, 1] = draw_between(state, -1.0, 1.0)

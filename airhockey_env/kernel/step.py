@@ -148,7 +148,7 @@ def fly_quiet(block, n):
 @compiled
 def play_contacts(block, n, first, states, parameters, contacts):
     """Let the engine play the tick on the other tables; note who scored, and how many contacts there were."""
-    hits = np.empty(3, np.int32)
+    hits = block.hits
     for k in range(n):
         block.point[k] = 0
         block.n_contacts[k] = 0
@@ -156,7 +156,8 @@ def play_contacts(block, n, first, states, parameters, contacts):
         if not block.quiet[k] and not block.begins[k]:
             state, params = states[first + k], params_of(parameters, first + k)
             store_table(block, k, state)
-            hits[:] = 0
+            for disc in range(3):
+                hits[disc] = 0
             discs = Discs(state.position, state.velocity, params.radius, params.inverse_mass, hits)
             room = contacts[first + k]
             outcome = advance(discs, params, 0.0, params.tick, GAME_CONTACTS, room, False, None)

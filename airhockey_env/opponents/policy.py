@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airhockey_env.actions import DIRECTIONS
+from airhockey_env.checks import check_choice
 from airhockey_env.compiled import compiled, inlined
 from airhockey_env.files import read_arrays, replace
 from airhockey_env.kernel.state import OBSERVATION_SIZE
@@ -190,12 +191,11 @@ class MlpPolicy:
         activation: str = "tanh",
         squash: bool = False,
     ) -> None:
-        if not isinstance(activation, str) or activation not in ACTIVATIONS:
-            raise ValueError(f"activation must be one of {ACTIVATIONS}, got {activation!r}")
+        self.activation = check_choice("activation", activation, ACTIVATIONS)
         self.weights, self.biases = _layers("weights", weights), _layers("biases", biases)
         if len(self.weights) != len(self.biases):
             raise ValueError(
-                f"weights and biases must be as many, got {len(self.weights)} and {len(self.biases)} layers"
+                f"weights and biases must be of the same number, got {len(self.weights)} and {len(self.biases)}"
             )
         size = OBSERVATION_SIZE
         for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
@@ -206,7 +206,7 @@ class MlpPolicy:
             size = weight.shape[0]
         if size not in (2, len(DIRECTIONS)):
             raise ValueError(f"the last layer must have 2 or {len(DIRECTIONS)} outputs, got {size}")
-        self.activation, self.squash = activation, bool(squash)
+        self.squash = bool(squash)
         self._sizes = np.array([OBSERVATION_SIZE, *(len(bias) for bias in self.biases)])
         layers = zip(self.weights, self.biases, strict=True)
         self._parameters = np.concatenate([part for weight, bias in layers for part in (weight.T.ravel(), bias)])
@@ -242,7 +242,7 @@ class MlpPolicy:
             activation, squash = arrays["activation"], arrays.get("squash", np.False_)  # old files have no squash
             kinds = "".join(array.dtype.kind for array in (*weights, *biases))
             if activation.dtype.kind != "U" or squash.dtype.kind != "b" or activation.shape or squash.shape:
-                raise ValueError("activation must be a text and squash a bool")
+                raise ValueError("activation must be a string and squash a bool")
             if kinds.strip("f"):
                 raise ValueError("weights and biases must be floating-point numbers")
             return cls(weights, biases, str(activation), bool(squash))
@@ -258,9 +258,9 @@ def _layers(name: str, arrays: Any) -> list[NDArray[np.float32]]:
         with np.errstate(over="ignore"):  # what float32 cannot hold is refused below
             layers = [np.array(array, np.float32, order="C") for array in arrays]
     except (TypeError, ValueError) as error:
-        raise ValueError(
-            f"{name} must be one array of numbers a layer, got {type(arrays).__name__}: {error}"
-        ) from error
+        given = f"{type(arrays).__name__}: {error}"
+        raise ValueError(f"{name} must be arrays of numbers, one for each layer, got {given}") from error
     if not layers or not all(np.isfinite(layer).all() for layer in layers):
-        raise ValueError(f"{name} must be one array of finite numbers a layer, and some; got {len(layers)} layers")
+        given = "numbers that are not finite" if layers else "none"
+        raise ValueError(f"{name} must be one or more arrays of finite numbers, one for each layer, got {given}")
     return layers

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from airhockey_env.checks import check_rows, check_skill, check_velocities, check_whole
+from airhockey_env.checks import check_rows, check_skill, check_velocities, check_whole, fault
 from airhockey_env.kernel.scripted import EXTERNAL
 from airhockey_env.kernel.state import LEFT, OBSERVATION_SIZE
 from airhockey_env.opponents.players import Player, Policy, driver_of, policy_of, resolve_player
@@ -110,10 +110,8 @@ class Pool:
             places = np.array(None)
         whole = places.dtype.kind in "iu" and places.shape in ((), rows.shape)
         if not whole or ((places < 0) | (places >= len(self._members))).any():
-            raise ValueError(
-                f"indices must be whole numbers from 0 to {len(self._members) - 1}, places in the pool of "
-                f"{self.name}s, one or one for each of {len(rows)} tables; got {indices!r}"
-            )
+            allowed = f"places in the pool of {self.name}s, whole numbers from 0 to {len(self._members) - 1}"
+            raise fault("indices", f"{allowed}: one place, or one for each of {len(rows)} tables", indices)
         self._states["member"][rows, self._seat] = places
         self.refresh(rows)
 

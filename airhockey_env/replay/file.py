@@ -94,14 +94,14 @@ class Replay:
         """Whether the arrays fit together; a ValueError (or worse) if not."""
         texts = (self.version, self.fingerprint, *(() if self.id is None else (self.id,)))
         if not all(isinstance(text, str) for text in texts) or not isinstance(self.arguments, dict):
-            raise ValueError("version, fingerprint and id must be texts, and arguments an object")
+            raise ValueError("version, fingerprint and id must be strings, and arguments must be an object")
         if not all(seed is None or (type(seed) is int and seed >= 0) for seed in self.seeds):
             raise ValueError("seeds must be whole numbers from 0 up, or null")
         check_number("control_hz", self.arguments["control_hz"], *CONTROL_RATES)
-        takes, steps = len(self.starts), len(self.actions)
+        segments, steps = len(self.starts), len(self.actions)
         shapes = self.starts.shape == self.states.shape == self.ends.shape == (len(self.seeds),)
-        if not shapes or not takes or self.starts.dtype != np.int64:
-            raise ValueError("there must be a start, a state, an end and a seed (or null) of each take, and some takes")
+        if not shapes or not segments or self.starts.dtype != np.int64:
+            raise ValueError("there must be one segment or more, each with a start, a state, an end and a seed or null")
         if self.starts[0] != 0 or (np.diff(self.starts) < 0).any() or self.starts[-1] > steps:
             raise ValueError(f"starts must rise from 0 to at most {steps}, got {self.starts}")
         if self.arguments["continuous"] is True:
@@ -113,7 +113,7 @@ class Replay:
         expected = steps if self.arguments["opponent"] is None else 0
         good = good and self.right_actions.dtype == np.float32 and self.right_actions.shape == (expected, 2)
         if not good or not np.isfinite(self.right_actions).all():
-            raise ValueError("the actions are not those of the arguments")
+            raise ValueError("the actions must be finite, and of the shape and type that the arguments call for")
 
 
 def is_replay(path: str | Path) -> bool:

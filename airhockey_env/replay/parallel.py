@@ -33,7 +33,7 @@ class RecordParallelReplay(Recorder, BaseParallelWrapper[str, Any, Any]):
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
-        """Begin an episode, and a take."""
+        """Begin an episode, and a segment."""
         result = self.env.reset(seed=seed, options=options)
         self._recordings[0].begin(self._state(0), None if seed is None else int(seed))
         return result

@@ -20,7 +20,7 @@ from airhockey_env.version import __version__
 
 
 def play_back(replay: Replay | str | Path) -> Iterator[NDArray[np.void]]:
-    """The states of a replay: (1,) records as `AirHockeyEnv.get_state` returns, at each take's start and every step.
+    """The states of a replay: (1,) records as `AirHockeyEnv.get_state` returns, at each segment's start and every step.
 
     Args:
         replay: or the file that holds one.
@@ -28,10 +28,26 @@ def play_back(replay: Replay | str | Path) -> Iterator[NDArray[np.void]]:
     Raises:
         FileNotFoundError: there is no such file.
         ValueError: the file holds no replay; or the dynamics are not those that it was recorded with. The latter is
-            told at once by the fingerprint or, at the latest, at the end of a take.
+            told at once by the fingerprint or, at the latest, at the end of a segment.
     """
     prepared, game = _prepared(replay)
     return (game.get_state() for _ in _played(prepared, game))
+
+
+def play_back_game(replay: Replay | str | Path) -> Iterator[Game]:
+    """The game at the states of a replay, for what a state does not hold: the contacts of the last step, say.
+
+    Args:
+        replay: or the file that holds one.
+
+    Yields:
+        The same game of one table each time, at each start and after every step.
+
+    Raises:
+        FileNotFoundError, ValueError: as for `play_back`.
+    """
+    prepared, game = _prepared(replay)
+    return (game for _ in _played(prepared, game))
 
 
 def play_back_frames(
@@ -46,7 +62,7 @@ def play_back_frames(
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: as `play_back` has it; or size or fps are out of range.
+        ValueError: as in `play_back`; or size or fps are out of range.
     """
     prepared, game = _prepared(replay)
     rate = prepared.control_hz
@@ -74,7 +90,7 @@ def _prepared(replay: Replay | str | Path) -> tuple[Replay, Game]:
         game = make_game(replay.arguments)
         now = fingerprint(replay.arguments)
     except (TypeError, ValueError, KeyError, AttributeError, OverflowError, RecursionError) as error:
-        raise ValueError(f"{replay.name} holds a game that this version does not have: {error}") from error
+        raise ValueError(f"{replay.name} holds a game that this version cannot play: {error}") from error
     if now != replay.fingerprint:
         raise ValueError(
             f"{replay.name} was recorded with other dynamics, by version {replay.version} of airhockey-env (or on a "
@@ -86,7 +102,7 @@ def _prepared(replay: Replay | str | Path) -> tuple[Replay, Game]:
     for states in (replay.states, replay.ends):
         _check_states(replay, game, states)
     if game_state(replay.states)["done"].any():
-        raise ValueError(f"{replay.name} begins a take with a game that is over")
+        raise ValueError(f"{replay.name} begins a segment with a game that is over")
     return replay, game
 
 
@@ -101,7 +117,7 @@ def _check_states(replay: Replay, game: Game, states: NDArray[np.void]) -> None:
             try:
                 spec_of(params)
             except ValueError as error:
-                raise ValueError(f"{replay.name} holds the physics of no table: {error}") from error
+                raise ValueError(f"{replay.name} holds physics that no table can have: {error}") from error
         if with_specs(states["parameters"], states["parameters"]["spec"]).tobytes() != states["parameters"].tobytes():
             raise ValueError(f"{replay.name} holds physics that do not follow from its table")
 
@@ -109,9 +125,9 @@ def _check_states(replay: Replay, game: Game, states: NDArray[np.void]) -> None:
 def _played(replay: Replay, game: Game) -> Iterator[None]:
     """Bring the game to the replay's states, one after the other."""
     last = [*replay.starts[1:].tolist(), len(replay)]
-    for take, (start, stop) in enumerate(zip(replay.starts.tolist(), last, strict=True)):
+    for segment, (start, stop) in enumerate(zip(replay.starts.tolist(), last, strict=True)):
         try:
-            game.set_state(replay.states[take : take + 1])
+            game.set_state(replay.states[segment : segment + 1])
         except ValueError as error:
             raise ValueError(f"{replay.name} holds a state that no game can be in: {error}") from error
         yield
@@ -120,7 +136,7 @@ def _played(replay: Replay, game: Game) -> Iterator[None]:
                 raise ValueError(f"{replay.name} goes on after the end of a game, in step {k}")
             play_actions(game, replay.actions[k], replay.right_actions[k] if len(replay.right_actions) else None)
             yield
-        if game.get_state().tobytes() != replay.ends[take].tobytes():
+        if game.get_state().tobytes() != replay.ends[segment].tobytes():
             raise ValueError(
                 f"{replay.name} has not played back the same from step {start} to {stop}: it was recorded with other "
                 f"dynamics, by version {replay.version} of airhockey-env, or is damaged"

@@ -28,7 +28,7 @@ class TableRecording:
         self.right_actions: list[NDArray[np.float32]] = []
 
     def begin(self, state: NDArray[np.void], seed: int | None = None) -> None:
-        """Begin a take, in place of the last one if nothing was played in that."""
+        """Begin a segment, in place of the last one if nothing was played in that."""
         if self.starts and self.starts[-1] == len(self.actions):
             for column in (self.seeds, self.starts, self.states, self.ends):
                 del column[-1]
@@ -40,7 +40,7 @@ class TableRecording:
     def add(
         self, before: NDArray[np.void], action: Any, right_action: NDArray[np.float32] | None, after: NDArray[np.void]
     ) -> None:
-        """Note a step; it begins a take if its state is not where the last one led to."""
+        """Note a step; it begins a segment if its state is not where the last one led to."""
         if not self.ends or self.ends[-1].tobytes() != before.tobytes():
             self.begin(before)
         self.actions.append(action)
@@ -50,7 +50,7 @@ class TableRecording:
 
 
 class Recorder:
-    """The takes of some tables of a game, and the file."""
+    """The segments of some tables of a game, and the file."""
 
     path: Path
 

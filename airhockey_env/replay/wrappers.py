@@ -22,12 +22,12 @@ from airhockey_env.vector_env import AirHockeyVectorEnv
 class RecordReplay(Recorder, gym.Wrapper, RecordConstructorArgs):
     """Record everything that is played into a replay file.
 
-    The file is written by `close` and by `save`, and at the end of an episode once a quarter more has been played
-    than it holds; it is replaced at once or not at all. It has all episodes since the wrapper was made.
+    The file is written by `close` and by `save`. It is also rewritten at the end of an episode when the recording has
+    grown by 25 %. Writes are atomic. The file holds all episodes since the wrapper was made.
 
-    Put it inside of wrappers that change actions, skip frames or the like: it records the actions that it is given,
-    and the environment has to play these. An opponent from outside need not be there for the playback: its actions
-    are recorded too.
+    Put this wrapper inside wrappers that change actions or skip frames: it records the actions that it is given, and
+    the environment must play exactly these. The actions of a policy as the opponent are recorded too, so the policy is
+    not needed for playback.
 
     Args:
         env: an `AirHockeyEnv`, wrapped or not.
@@ -47,7 +47,7 @@ class RecordReplay(Recorder, gym.Wrapper, RecordConstructorArgs):
         self._record(env.unwrapped._game, path, [0], None if env.spec is None else env.spec.id)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode, and a take."""
+        """Begin an episode, and a segment."""
         result = self.env.reset(seed=seed, options=options)
         self._recordings[0].begin(self._state(0), None if seed is None else int(seed))
         return result
@@ -78,14 +78,14 @@ class RecordReplay(Recorder, gym.Wrapper, RecordConstructorArgs):
 class RecordVectorReplay(Recorder, VectorWrapper, RecordConstructorArgs):
     """Record what is played on some tables of a batch into one replay file, in any of the autoreset modes.
 
-    Written, and to be put around the environment, as `RecordReplay` has it. The tables play back as tables of their
-    own: all takes of the first, then those of the next.
+    The file is written when that of `RecordReplay` is, and the same rule holds for other wrappers. The tables play
+    back one after the other: all segments of the first, then those of the next.
 
     Args:
         env: an `AirHockeyVectorEnv`, wrapped or not.
         path: the file, .npz.
-        tables: numbers of the tables to record, each once. One scripted opponent must play on all of them, as long as
-            the recording goes on; or opponents from outside, each of which may be another and change.
+        tables: numbers of the tables to record, each once. Either the same named opponent plays on all of them
+            throughout, or policies do, which may differ and change.
 
     Raises:
         ValueError: another environment, another suffix, no such tables, different opponents on them, or a wrapper
@@ -110,7 +110,7 @@ class RecordVectorReplay(Recorder, VectorWrapper, RecordConstructorArgs):
         self._alone = make_game(self._arguments)
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode, and a take, on every table, or on those of `options["reset_mask"]`."""
+        """Begin an episode, and a segment, on every table, or on those of `options["reset_mask"]`."""
         result = self.env.reset(seed=seed, options=options)
         mask = options.get("reset_mask") if isinstance(options, Mapping) else None
         seeds = self._game.check_seeds(seed)

@@ -16,15 +16,15 @@ from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
 import airhockey_env
+from agents.plots import BLUE, GREEN, ORANGE, PINK, new_figure, plain, save_figure
 from benchmarks.kiss.scenes import REACH, Scene, angle, crowd, exact_angle, shot
-from benchmarks.style import new_figure, save, tidy
 
 RATES = (50, 60, 240, 1000)  # Hz
 SPEED, FAST = 10.0, 40.0  # m/s, of the shots: about the hardest human shot, and four times that
 STILL = 1e-6  # m/s: if the target is slower than this, it was missed
 OURS = "AirTable"
 PEERS = {"Box2D": "box2d", "Chipmunk": "chipmunk", "MuJoCo": "mujoco"}
-COLORS = {OURS: "#009E73", "Box2D": "#E69F00", "Chipmunk": "#0072B2", "MuJoCo": "#CC79A7"}
+COLORS = {OURS: GREEN, "Box2D": ORANGE, "Chipmunk": BLUE, "MuJoCo": PINK}
 MARKERS = {OURS: "^", "Box2D": "s", "Chipmunk": "o", "MuJoCo": "D"}
 FLOOR = {"median_error": 1e-15, "drift": 1e-16}  # smaller values are drawn as this
 
@@ -179,12 +179,12 @@ def draw(data: dict[str, Any], path: Path) -> None:
     ):  # fmt: skip
         axis.set(title=title, ylabel=label, xlabel="ticks a second")
         axis.set_xticks(range(len(rates)), [str(rate) for rate in rates])
-        tidy(axis)
+        plain(axis)
     for axis in (axes[0, 0], axes[0, 1], axes[1, 1]):
         axis.set_yscale("log")
     axes[1, 0].set_ylim(-1, max(10.0, axes[1, 0].get_ylim()[1]))
     axes[1, 0].legend(frameon=False, loc="upper right")
-    save(figure, path)
+    save_figure(figure, path)
 
 
 def table(data: dict[str, Any]) -> list[tuple[str, ...]]:

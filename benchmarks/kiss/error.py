@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from agents.plots import new_figure, plain, save_figure
 from benchmarks.kiss.scenes import METHODS, RADIUS, REACH, angle, exact_angle, struck
-from benchmarks.style import COLORS, MARKERS, new_figure, save, tidy
+from benchmarks.style import COLORS, MARKERS
 
 TRAVELS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)  # per tick, in radii
 OFFSETS = tuple(np.linspace(0.05, 0.95, 19))  # as shares of the sum of the radii
@@ -86,8 +87,8 @@ def draw(data: dict[str, Any], path: Path) -> None:
                    alignment="left")  # fmt: skip
     axes[2].legend(frameon=False, loc="upper left")
     for axis in axes:
-        tidy(axis)
-    save(figure, path)
+        plain(axis)
+    save_figure(figure, path)
 
 
 def _degrees(error: float) -> str:

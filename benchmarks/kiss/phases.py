@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from agents.plots import BLUE, GREY, INK, RED, new_figure, plain, save_figure
 from benchmarks.kiss.scenes import METHODS, RADIUS, REACH, angle, exact_angle, struck
-from benchmarks.style import BLUE, COLORS, GREY, INK, MARKERS, RED, new_figure, save, tidy
+from benchmarks.style import COLORS, MARKERS
 
 OFFSET = 0.6 * REACH  # m
 TRAVEL = 0.07  # m per tick: 3.5 m/s at 50 Hz, slow enough never to pass through
@@ -48,7 +49,7 @@ def draw(data: dict[str, Any], path: Path) -> None:
         axis.set_aspect("equal")
         axis.set_xticks([0, 0.5, 1], ["0", "0.5", "1 m"])
         axis.set_yticks([-1, -0.5, 0], ["-1 m", "-0.5", "0"])
-        tidy(axis)
+        plain(axis)
     axes[3].axhline(data["exact"], color=GREY, linewidth=1, zorder=0)
     for method in METHODS:
         values = [np.nan if a is None else a for a in data["angles"][method]]
@@ -58,8 +59,8 @@ def draw(data: dict[str, Any], path: Path) -> None:
     axes[3].set(title="Angle by phase", xlabel="where in a tick the shot starts", ylabel="degrees", xlim=(0, 1))
     axes[3].legend(frameon=False, loc="best")
     axes[3].set_box_aspect(1.4 / 1.35)  # as high as its neighbours
-    tidy(axes[3])
-    save(figure, path)
+    plain(axes[3])
+    save_figure(figure, path)
 
 
 def table(data: dict[str, Any]) -> list[tuple[str, ...]]:

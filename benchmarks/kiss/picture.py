@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.plots import BLUE, GREEN, GREY, INK, ORANGE, RED, new_figure, save_figure
 from airhockey_env import AirTable
 from benchmarks.kiss.scenes import RADIUS, REACH, angle
-from benchmarks.style import BLUE, GREY, INK, RED, new_figure, save
 
 TICK = 0.02  # s
 START, VELOCITY = np.array([-0.19, 0.055]), np.array([8.0, 0.0])  # of the blue puck; the red one rests at the origin
@@ -99,8 +99,8 @@ def draw(data: dict[str, Any], path: Path) -> None:
         _puck(triangles, centre, color, 0.0, line, alpha=0.35)
     from matplotlib.patches import Polygon
 
-    triangles.add_patch(Polygon([start, foot, red], closed=True, facecolor="#E69F00", alpha=0.14, edgecolor="none"))
-    triangles.add_patch(Polygon([kiss, foot, red], closed=True, facecolor="#009E73", alpha=0.28, edgecolor="none"))
+    triangles.add_patch(Polygon([start, foot, red], closed=True, facecolor=ORANGE, alpha=0.14, edgecolor="none"))
+    triangles.add_patch(Polygon([kiss, foot, red], closed=True, facecolor=GREEN, alpha=0.28, edgecolor="none"))
     _line(triangles, start, foot, linewidth=1.2, linestyle="--", color=GREY)
     _line(triangles, start, end, linewidth=2.2, color=BLUE)
     _line(triangles, start, red, linewidth=1.2)
@@ -165,7 +165,7 @@ def draw(data: dict[str, Any], path: Path) -> None:
         axis.set_ylim(-0.063, 0.165)
         edge = -0.15 if axis is bounce else place[0] - 0.06
         axis.set_xlim(edge, edge + 0.315)
-    save(figure, path)
+    save_figure(figure, path)
 
 
 def vector(place: NDArray[np.float64] | list[float]) -> str:

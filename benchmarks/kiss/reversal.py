@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from agents.plots import GREY, INK, new_figure, plain, save_figure
 from benchmarks.kiss.scenes import METHODS, Scene, crowd
-from benchmarks.style import COLORS, GREY, INK, new_figure, save, tidy
+from benchmarks.style import COLORS
 
 TICK = 1.0 / 60.0  # s
 BACK = 1e-3  # m: a puck has returned if it is closer than this to its start
@@ -60,8 +61,8 @@ def draw(data: dict[str, Any], path: Path) -> None:
     legend = axis.legend(frameon=False, loc="lower right")
     for line in legend.get_lines():
         line.set(linewidth=2.5, alpha=1.0)
-    tidy(axis)
-    save(figure, path)
+    plain(axis)
+    save_figure(figure, path)
 
 
 def table(data: dict[str, Any]) -> list[tuple[str, ...]]:

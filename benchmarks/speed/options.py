@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gymnasium as gym
 
-from airhockey_env.sensing import ROBOT
+from airhockey_env.cameras import ROBOT
 from benchmarks.speed import games
 from benchmarks.speed.measure import Effort, Row, ratio, run
 from benchmarks.speed.single import CART, MADE

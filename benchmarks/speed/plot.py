@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from agents.plots import BLUE, GREEN, GREY, INK, ORANGE, RED, new_figure, plain, save_figure
 from benchmarks.kiss.engines import COLORS, OURS
 from benchmarks.speed import batch, pucks
 from benchmarks.speed.measure import Row
-from benchmarks.style import BLUE, GREEN, GREY, INK, RED, new_figure, save, tidy
 
 LINES = {
     batch.IN_C: (INK, "s", "--"),
@@ -17,7 +17,7 @@ LINES = {
     batch.OURS: (BLUE, "o", "-"),
     batch.TWO: (BLUE, "o", ":"),
     batch.NATIVE: (RED, "v", "-"),
-    batch.POOL: ("#E69F00", "D", "-"),
+    batch.POOL: (ORANGE, "D", "-"),
     batch.SYNC: (GREY, "x", "-"),
 }
 
@@ -43,5 +43,5 @@ def draw(results: dict[str, list[Row]], path: Path) -> None:
         if axis.lines:
             axis.set(xscale="log", yscale="log")
             axis.legend(frameon=False, fontsize=8)
-        tidy(axis)
-    save(figure, path)
+        plain(axis)
+    save_figure(figure, path)

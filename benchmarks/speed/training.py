@@ -15,9 +15,9 @@ def measure(effort: Effort) -> tuple[list[Row], list[str]]:
     """One row, measured after the first update; there are no notes."""
     import torch
 
-    from agents.training.ppo import TrainArgs, make_env, make_model
+    from agents.training.ppo import PpoArgs, make_env, make_model
 
-    args = TrainArgs()
+    args = PpoArgs()
     torch.set_num_threads(args.threads)
     env = make_env(args)
     model = make_model(args, env)

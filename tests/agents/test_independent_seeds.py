@@ -12,14 +12,15 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from agents.measuring.evaluation import play_points, play_task
 from agents.seeding import PURPOSES, table_seeds
-from agents.training import algorithms, ppo
 from agents.training.learning import seed_learning
-from agents.training.ppo import TrainArgs, make_env, make_model
+from agents.training.ppo import PpoArgs, make_env, make_model
+from agents.training.train import train
+from agents.training.zoo import ZooArgs
 from airhockey_env.game import Game
 from airhockey_env.kernel.random_stream import stream_from_seed
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 
-SMALL = TrainArgs(num_envs=6, n_steps=4, batch_size=8, net_width=8)
+SMALL = PpoArgs(num_envs=6, n_steps=4, batch_size=8, net_width=8)
 
 
 class Look(BaseCallback):
@@ -92,8 +93,8 @@ def seeded(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, ...]]:
     given: list[tuple[int, ...]] = []
     seed = Game.seed
 
-    def note(self: Game, seeds: Any) -> None:
-        seed(self, seeds)
+    def note(self: Game, *arguments: Any) -> None:
+        seed(self, *arguments)
         given.append(tuple(self.states["stream"].tolist()))
 
     monkeypatch.setattr(Game, "seed", note)
@@ -119,19 +120,14 @@ def test_commands_seed_learning_last(
     Path("tiny.yml").write_text(
         "AirHockeyHit-v0: {policy: MlpPolicy, n_timesteps: 8, n_envs: 2, n_steps: 4, batch_size: 8}"
     )
-    first = {}
+    first, brief = {}, {"eval_episodes": 2, "report_episodes": 2, "video_seconds": 0}
     for seed in (0, 1):
         seeded.clear()
-        algorithms.train(
-            algorithms.AlgorithmArgs(
-                hyperparams=Path("tiny.yml"), seed=seed, name=f"a{seed}", evaluations=1, eval_episodes=2,
-                report_episodes=2,
-            )
-        )  # fmt: skip
-        ppo.train(
-            TrainArgs(
+        train(ZooArgs(hyperparams=Path("tiny.yml"), seed=seed, name=f"a{seed}", **brief))
+        train(
+            PpoArgs(
                 seed=seed, name=f"p{seed}", steps=16, warmup_steps=8, num_envs=2, n_steps=4, batch_size=8, net_width=8,
-                eval_points=2, report_points=2, video_seconds=0,
+                **brief,
             )
         )  # fmt: skip
         wanted = [table_seeds("training", seed, 2, 0), table_seeds("practice", seed, 2, 0)]

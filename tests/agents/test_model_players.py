@@ -11,11 +11,13 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecTransposeImage
 
-from agents.human.live_match import START_PAUSE, LiveMatch
 from agents.measuring.evaluation import play_points, play_task
-from agents.models import ModelPlayer, ModelPolicy, load_player
-from agents.training.algorithms import HYPERPARAMS, AlgorithmArgs, train
+from agents.models import ModelPlayer, ModelPolicy, in_one_game, join, load_player
+from agents.training.train import train
+from agents.training.zoo import HYPERPARAMS, ZooArgs
 from airhockey_env.game import Game
+from airhockey_env.kernel.state import LEFT
+from airhockey_env.live.match import START_PAUSE, LiveMatch
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from tests.helpers import Call
 
@@ -33,9 +35,9 @@ def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "tiny.yml").write_text(text)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        args = AlgorithmArgs(
+        args = ZooArgs(
             env="AirHockeyDefend-v0", obs_type="rgb", hyperparams=Path("tiny.yml"), name="tiny", steps=8,
-            evaluations=1, eval_episodes=2, report_episodes=2,
+            eval_episodes=2, report_episodes=2, video_seconds=0,
         )  # fmt: skip
         train(args)
     return folder / "runs" / "tiny"
@@ -57,18 +59,18 @@ def test_a_model_sees_what_its_training_shows(obs_type: str, frames: int, first:
         given.append(seen.copy())
         return np.full((len(seen), 2), 0.3, np.float32)
 
-    game = Game(3, autoreset_mode=AutoresetMode.SAME_STEP, **arguments)
-    seat = ModelPolicy(ModelPlayer(answer, obs_type, frames))
-    seat.join(game)
-    game.seed([5, 6, 7])
-    game.reset()
+    policy = ModelPolicy(ModelPlayer(answer, obs_type, frames))
+    game = Game(
+        3, left=policy, right="idle", task="defend", max_episode_steps=40, autoreset_mode=AutoresetMode.SAME_STEP
+    )
+    policy.join(game)
+    game.reset(seed=5)
     expected, ended = env.reset(), 0
     for _ in range(90):
-        actions = seat(game.out.observation)
+        game.step()
         assert given[-1].dtype == expected.dtype
         np.testing.assert_array_equal(given[-1], expected)
-        game.step(actions)
-        expected, _, dones, _ = env.step(actions)
+        expected, _, dones, _ = env.step(game.pools[LEFT].last_actions)
         ended += int(dones.sum())
     assert ended > 3
 
@@ -100,19 +102,18 @@ def test_both_sides_see_their_own_picture() -> None:
     """On a table that is the same from both sides, mirrored games give mirrored views."""
     seen: dict[str, list[np.ndarray]] = {"left": [], "right": []}
 
-    def seat(side: str) -> ModelPolicy:
+    def player(side: str) -> ModelPolicy:
         def answer(frames: np.ndarray) -> np.ndarray:
             seen[side].append(frames.copy())
             return np.zeros((len(frames), 2), np.float32)
 
         return ModelPolicy(ModelPlayer(answer, "rgb", 1))
 
-    game = Game(1, right=None)
-    left, right = seat("left"), seat("right")
+    left, right = player("left"), player("right")
+    game = Game(1, left=left, right=right)
     left.join(game), right.join(game)
-    game.seed([0])
-    game.reset()
-    game.step(left(game.out.observation), right(game.out.other_observation))
+    game.reset(seed=0)
+    game.step()
     (one,), (other,) = seen["left"], seen["right"]
     assert not np.array_equal(one, other), "the puck is on one side"
     own = (one == np.array([255, 138, 156], np.uint8)[:, None, None]).all(axis=1)
@@ -134,7 +135,9 @@ def test_the_commands_take_a_run_of_pictures(pictures: Path, tmp_path: Path, cal
 
 
 def test_it_plays_against_a_person(pictures: Path) -> None:
-    match = LiveMatch(load_player(str(pictures)), seed=0)
+    player = in_one_game(load_player(str(pictures)))
+    match = LiveMatch(player, seed=0)
+    join(match.game, player)
     match.restart(0.0)
     before = match.positions[1].copy()
     match.advance(START_PAUSE, (0.0, 0.0))

@@ -171,11 +171,11 @@ class TestScenes:
 def watched(first: str, second: str, points: int) -> tuple[list[tuple[Recorder, int]], Any]:
     recorders: list[tuple[Recorder, int]] = []
 
-    def watch(game: Game, own: int) -> Callable[[NDArray[np.bool_]], None]:
+    def observer(game: Game, own: int) -> Callable[[NDArray[np.bool_]], None]:
         recorders.append((Recorder(game), own))
         return recorders[-1][0].note
 
-    return recorders, play_points(first, second, points, watch=watch)
+    return recorders, play_points(first, second, points, observer=observer)
 
 
 def test_what_must_hold_for_any_play() -> None:
@@ -201,9 +201,8 @@ def test_what_must_hold_for_any_play() -> None:
 
 
 def test_reaction() -> None:
-    game = Game(200, task="defend", opponent="idle")
-    game.seed(list(range(200)))
-    game.reset()
+    game = Game(200, task="defend", right="idle")
+    game.reset(seed=0)
     defence = Defence(game)
     assert 0.3 < defence.has_to_move.mean() < 0.95
     assert defence.courses.on_target.mean() > 0.9

@@ -20,14 +20,14 @@ ARGS = SelfPlayArgs(
     n_steps=8,
     batch_size=16,
     net_width=8,
-    opponents=("striker", "idle"),
+    opponent=("striker", "idle"),
     snapshot_every=UPDATE,
     most_past_selves=2,
 )
 
 
 def learn(steps: int, args: SelfPlayArgs = ARGS) -> League:
-    league = args.league()
+    league = League(args)
     make_model(args, make_env(args, opponents=league.pool)).learn(steps, callback=league)
     return league
 
@@ -55,7 +55,7 @@ class TestMember:
 
 class TestLeague:
     def test_draws_follow_the_priorities(self) -> None:
-        league = ARGS.league()
+        league = League(ARGS)
         league.members[1].won, league.members[2].won = 0.5, 0.0  # priorities 1/4 and 1
         drawn = np.bincount(league.draw(20_000), minlength=3) / 20_000
         np.testing.assert_allclose(drawn, [0.75, 0.25 / 5, 0.25 * 4 / 5], atol=0.02)  # no past selves yet
@@ -86,7 +86,7 @@ class TestLeague:
 
     def test_points_are_counted_for_who_played_them(self) -> None:
         args = dataclasses.replace(
-            ARGS, opponents=("striker",), latest_share=0.0, scripted_share=1.0, snapshot_every=10**9
+            ARGS, opponent=("striker",), latest_share=0.0, scripted_share=1.0, snapshot_every=10**9
         )
         latest, striker, past = learn(60 * UPDATE, args).members
         assert latest.points == 0
@@ -99,7 +99,7 @@ class TestLeague:
         league.save(tmp_path)
         league.save(tmp_path)
         assert len(list((tmp_path / "league").iterdir())) == 2
-        loaded = ARGS.league()
+        loaded = League(ARGS)
         loaded.load(tmp_path)
         assert loaded.members == league.members
         assert loaded.due == league.due
@@ -110,7 +110,7 @@ class TestLeague:
 
     @pytest.mark.parametrize("damage", ["", "{}", "[]", '{"due": 0, "members": [{"file": null}]}', '{"members": 3}'])
     def test_damaged_files(self, damage: str, tmp_path: Path) -> None:
-        league = ARGS.league()
+        league = League(ARGS)
         league.save(tmp_path)
         (tmp_path / "league.json").write_text(damage)
         with pytest.raises(ValueError, match=r"league\.json"):
@@ -121,9 +121,9 @@ class TestLeague:
         league.save(tmp_path)
         next((tmp_path / "league").iterdir()).unlink()
         with pytest.raises(FileNotFoundError):
-            ARGS.league().load(tmp_path)
+            League(ARGS).load(tmp_path)
 
     def test_the_file_is_json(self, tmp_path: Path) -> None:
-        ARGS.league().save(tmp_path)
+        League(ARGS).save(tmp_path)
         members = json.loads((tmp_path / "league.json").read_text())["members"]
         assert [row["name"] for row in members] == [LATEST, "striker", "idle"]

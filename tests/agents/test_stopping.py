@@ -19,36 +19,24 @@ import pytest
 from stable_baselines3.common.callbacks import BaseCallback
 
 from agents.files import replace_together
+from agents.measuring.evaluation import OPPONENTS
 from agents.sb3_files import read_model
-from agents.training import algorithms, ppo, runs
-from agents.training.algorithms import AlgorithmArgs
-from agents.training.ppo import TrainArgs
+from agents.training import checkpoints, ppo
+from agents.training.ppo import PpoArgs
+from agents.training.recipe import TrainArgs
 from agents.training.runs import RunFolder, check_name
 from agents.training.self_play import SelfPlayArgs
 from agents.training.stopping import Stop, Stopped, stopping
+from agents.training.train import own_args, train
+from agents.training.zoo import ALGORITHMS, ZooArgs
 from tests.helpers import start
 
 TINY: dict[str, Any] = {
-    "steps": 32, "num_envs": 4, "n_steps": 4, "batch_size": 8, "net_width": 8, "eval_points": 2, "report_points": 2,
+    "steps": 32, "num_envs": 4, "n_steps": 4, "batch_size": 8, "net_width": 8, "eval_episodes": 2, "report_episodes": 2,
     "video_seconds": 0,
 }  # fmt: skip
-LONG = (
-    *(
-        "--name",
-        "long",
-        "--steps",
-        "1e9",
-        "--num-envs",
-        "8",
-        "--n-steps",
-        "16",
-        "--batch-size",
-        "64",
-        "--net-width",
-        "8",
-    ),
-    *("--eval-every", "1e9", "--eval-points", "2", "--report-points", "1M", "--video-seconds", "0"),
-)
+SMALL = ("--num-envs", "8", "--n-steps", "16", "--batch-size", "64", "--net-width", "8", "--eval-episodes", "2")
+LONG = ("--name", "long", "--steps", "1e9", "--eval-every", "1e9", "--report-episodes", "1M", "--video-seconds", "0")
 needs_signals = pytest.mark.skipif(os.name == "nt", reason="sends signals")
 
 
@@ -80,12 +68,12 @@ def steps_of(folder: Path) -> int:
 @needs_signals
 @pytest.mark.parametrize(
     ("script", "number", "resumed"),
-    [("train_ppo", signal.SIGTERM, TrainArgs), ("train_self_play", getattr(signal, "SIGHUP", 1), SelfPlayArgs)],
+    [("train_ppo", signal.SIGTERM, PpoArgs), ("train_self_play", getattr(signal, "SIGHUP", 1), SelfPlayArgs)],
 )
 def test_a_signal_saves_and_ends(script: str, number: int, resumed: type[TrainArgs]) -> None:
-    with running(script, *LONG) as process:
+    with running(script, *LONG, *SMALL) as process:
         with pytest.raises(BlockingIOError, match=f"process {process.pid}"):
-            ppo.train(resumed(resume="long"))
+            train(resumed(resume="long"))
         process.send_signal(signal.SIGINT)
         process.send_signal(number)
         printed, _ = process.communicate(timeout=300)
@@ -93,37 +81,43 @@ def test_a_signal_saves_and_ends(script: str, number: int, resumed: type[TrainAr
     assert f"python -m scripts.{script} --resume runs/long" in " ".join(printed.split())
     assert "Traceback" not in printed
     history = json.loads(Path("runs/long/evaluations.json").read_text())
-    assert (history["evaluations"], history["report"]) == ([], []), "the first checkpoint was the only one"
+    assert [row["steps"] for row in history["evaluations"]] == [0], "the first checkpoint was the only one"
+    assert history["report"] == []
     assert steps_of(Path("runs/long")) >= history["updates"][-1]["steps"] > 0
     assert not list(Path("runs").rglob("*part*"))
 
 
 @needs_signals
-def test_a_second_ctrl_c_leaves_out_the_report() -> None:
-    with running("train_ppo", *LONG) as process:
+@pytest.mark.parametrize(("points", "again"), [("2", False), ("1M", True)])
+def test_ctrl_c_loses_nothing_and_a_second_one_leaves_out_the_report(points: str, again: bool) -> None:
+    with running("train_ppo", *LONG, *SMALL, "--report-episodes", points) as process:
         assert process.stdout is not None
         process.send_signal(signal.SIGINT)
-        for line in process.stdout:
-            if "Go on with" in line:
-                break
-        process.send_signal(signal.SIGINT)
+        printed = ""
+        while "Continue with: python -m scripts.train_ppo --resume runs/long" not in " ".join(printed.split()):
+            printed += (line := process.stdout.readline())
+            assert line, printed
+        if again:
+            process.send_signal(signal.SIGINT)
         printed, _ = process.communicate(timeout=300)
-    assert process.returncode == 130, printed
+    assert process.returncode == (130 if again else 0), printed
     assert "Traceback" not in printed
-    assert json.loads(Path("runs/long/evaluations.json").read_text())["report"] == []
-    assert steps_of(Path("runs/long")) > 0
+    history = json.loads(Path("runs/long/evaluations.json").read_text())
+    assert len(history["report"]) == (0 if again else len(OPPONENTS))
+    assert Path("runs/long/training.png").exists() != again
+    assert steps_of(Path("runs/long")) >= history["updates"][-1]["steps"] > 0
 
 
 @needs_signals
 def test_nohup_holds_and_off_policy_runs_are_saved() -> None:
     Path("tiny.yml").write_text(
         "AirHockeyHit-v0: {policy: MlpPolicy, n_timesteps: 60, n_envs: 4, learning_starts: 20, batch_size: 8,"
-        " buffer_size: 400, policy_kwargs: 'dict(net_arch=[8])'}"
+        " buffer_size: 400, train_freq: 50, gradient_steps: 1, policy_kwargs: 'dict(net_arch=[8])'}"
     )
-    arguments = ("--algo", "sac", "--hyperparams", "tiny.yml", "--name", "long", "--steps", "1e9")
+    arguments = ("--algo", "sac", "--hyperparams", "tiny.yml", *LONG, "--eval-episodes", "2")
     ignored = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # the command inherits it, as from nohup
     try:
-        with running("train", *arguments, "--eval-episodes", "2", "--report-episodes", "2") as process:
+        with running("train", *arguments) as process:
             process.send_signal(signal.SIGHUP)
             process.send_signal(signal.SIGTERM)
             printed, _ = process.communicate(timeout=300)
@@ -131,13 +125,9 @@ def test_nohup_holds_and_off_policy_runs_are_saved() -> None:
         signal.signal(signal.SIGHUP, ignored)
     assert process.returncode == 128 + signal.SIGTERM, printed
     assert "python -m scripts.train --resume runs/long" in " ".join(printed.split())
-    kept = algorithms.own_args(AlgorithmArgs(resume="long"))[1]
+    kept = own_args(ZooArgs(resume="long"))[1]
     assert (kept.algo, kept.steps) == ("sac", 10**9)
-    model = algorithms.ALGORITHMS["sac"].load("runs/long/model.zip", device="cpu")
-    assert model.num_timesteps > 20
-    done = model.num_timesteps
-    algorithms.train(AlgorithmArgs(resume="long", steps=done + 40))
-    assert algorithms.ALGORITHMS["sac"].load("runs/long/model.zip", device="cpu").num_timesteps >= done + 40
+    assert ALGORITHMS["sac"].load("runs/long/model.zip", device="cpu").num_timesteps > 20
 
 
 @needs_signals
@@ -148,7 +138,7 @@ class TestStop:
             signal.raise_signal(signal.SIGINT)
             signal.raise_signal(signal.SIGINT)
             assert stop.asked == [signal.SIGINT, signal.SIGINT]
-            assert stop.take_ctrl_c()
+            stop.forget_ctrl_c()
             with pytest.raises(KeyboardInterrupt):
                 stop.check()
             signal.raise_signal(signal.SIGTERM)
@@ -160,8 +150,8 @@ class TestStop:
     def test_nothing_was_asked(self) -> None:
         stop = Stop()
         stop.check()
-        stop.watch(None, 0)(None)
-        assert not stop.take_ctrl_c()
+        stop.observe(None, 0)(None)
+        stop.forget_ctrl_c()
         assert list(stop.between("abc")) == ["a", "b", "c"]
 
     def test_in_another_thread_signals_stay_as_they_are(self) -> None:
@@ -178,11 +168,11 @@ class TestStop:
 
     def test_signals_while_saving_and_evaluating(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """One comes in the midst of the first evaluation, one while the run is saved for that."""
-        points, together = ppo.play_points, runs.replace_together
+        points, together = ppo.play_points, checkpoints.replace_together
 
-        def evaluate(*arguments: Any, watch: Callable[..., Any], **others: Any) -> Any:
+        def evaluate(*arguments: Any, observer: Callable[..., Any], **others: Any) -> Any:
             signal.raise_signal(signal.SIGINT)
-            return points(*arguments, watch=watch, **others)
+            return points(*arguments, observer=observer, **others)
 
         def save(writes: Any) -> None:
             together({path: lambda part, write=write: (signal.raise_signal(signal.SIGTERM), write(part))
@@ -191,12 +181,11 @@ class TestStop:
 
         saves: list[int] = []
         monkeypatch.setattr(ppo, "play_points", evaluate)
-        monkeypatch.setattr(runs, "replace_together", save)
+        monkeypatch.setattr(checkpoints, "replace_together", save)
         with pytest.raises(Stopped) as stopped:
-            ppo.train(TrainArgs(name="own", eval_every=16, warmup_steps=0, **TINY))
+            train(PpoArgs(name="own", warmup_steps=0, **TINY))
         assert stopped.value.code == 128 + signal.SIGTERM
         assert saves == [3, 3]
-        assert steps_of(Path("runs/own")) == 16
         assert json.loads(Path("runs/own/evaluations.json").read_text())["evaluations"] == []
 
 
@@ -211,14 +200,14 @@ class _Fails(BaseCallback):
 
 def test_a_callback_that_fails_loses_nothing() -> None:
     with pytest.raises(RuntimeError, match="the server is gone"):
-        ppo.train(TrainArgs(name="own", warmup_steps=0, **TINY), callbacks=[_Fails()])
+        train(PpoArgs(name="own", warmup_steps=0, **TINY), callbacks=[_Fails()])
     assert steps_of(Path("runs/own")) == 24
-    ppo.train(TrainArgs(resume="own"))
+    train(PpoArgs(resume="own"))
     assert steps_of(Path("runs/own")) >= 32
 
 
 def test_a_full_disk_leaves_the_last_checkpoint(monkeypatch: pytest.MonkeyPatch) -> None:
-    ppo.train(TrainArgs(name="own", **TINY))
+    train(PpoArgs(name="own", **TINY))
     folder = Path("runs/own")
     names = ("model.zip", "policy.npz", "evaluations.json")
     before = {name: (folder / name).read_bytes() for name in names}
@@ -228,34 +217,44 @@ def test_a_full_disk_leaves_the_last_checkpoint(monkeypatch: pytest.MonkeyPatch)
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
 
     with monkeypatch.context() as patch:
-        patch.setattr(runs, "write_json", full)  # the last of a checkpoint's files
-        with pytest.raises(OSError, match=r"runs.own could not be saved, its last checkpoint is whole: .*No space"):
-            ppo.train(TrainArgs(resume="own", steps=64))
+        patch.setattr(checkpoints, "write_json", full)  # the last of a checkpoint's files
+        with pytest.raises(OSError, match=r"runs.own could not be saved, its last checkpoint is intact: .*No space"):
+            train(PpoArgs(resume="own", steps=64))
     assert {name: (folder / name).read_bytes() for name in names} == before
     assert not list(folder.rglob("*part*"))
-    ppo.train(TrainArgs(resume="own", steps=64))
+    train(PpoArgs(resume="own", steps=64))
     assert steps_of(folder) == 64
 
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("steps", "many"), ("steps", 10**400), ("gamma", "1"), ("gamma", 7), ("opponents", "striker"), ("opponents", [1]),
-     ("opponents", ["nobody"]), ("seed", True), ("wind", 1), ("command", "train"), ("command", ["rm"]), ("name", 5)],
+    [("steps", "many"), ("steps", 10**400), ("gamma", "1"), ("gamma", 7), ("opponent", "striker"), ("opponent", [1]),
+     ("opponent", ["nobody"]), ("seed", True), ("seed", 0.5), ("seed", -1), ("threads", [1]), ("wind", 1),
+     ("command", "train"), ("command", ["rm"]), ("name", 5)],
 )  # fmt: skip
 def test_a_forged_config_is_refused(name: str, value: Any, forged: Path) -> None:
     config = json.loads((forged / "config.json").read_text())
     (forged / "config.json").write_text(json.dumps({**config, name: value}))
     before = (forged / "model.zip").read_bytes()
     with pytest.raises(ValueError, match=r"runs.own"):
-        ppo.train(TrainArgs(resume="own"))
+        train(PpoArgs(resume="own"))
     assert (forged / "model.zip").read_bytes() == before
+
+
+def test_a_run_of_another_version_is_refused(forged: Path) -> None:
+    """Options had other names until 0.1.0."""
+    config = json.loads((forged / "config.json").read_text())
+    old = {"opponents": config.pop("opponent"), "opponent": config.pop("eval_opponent"), **config}
+    (forged / "config.json").write_text(json.dumps(old))
+    with pytest.raises(ValueError, match=r"runs.own.config\.json: 'opponents' is no option of this version"):
+        train(PpoArgs(resume="own"))
 
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("finished"))
-        return ppo.train(TrainArgs(name="own", **TINY)).path.absolute()
+        return train(PpoArgs(name="own", **TINY)).path.absolute()
 
 
 @pytest.fixture
@@ -313,15 +312,13 @@ class TestNames:
          "con", "NUL.txt", "COM1", "lpt0.x", "a.", "a:b", "a*", "\udcff", "~"],
     )  # fmt: skip
     def test_what_is_none(self, name: str) -> None:
-        for train, args in ((ppo.train, TrainArgs), (algorithms.train, AlgorithmArgs)):
-            with pytest.raises(ValueError, match="--name must be"):
-                train(args(name=name))  # type: ignore[operator]
+        with pytest.raises(ValueError, match="--name must be"):
+            train(PpoArgs(name=name))
         assert not Path("runs").exists()
 
     @pytest.mark.parametrize("name", ["", ".", "..", "/", "\0", "a\nb", "x" * 5000, "-x", "none", "file", "\udcff"])
     def test_only_a_runs_folder_is_resumed(self, name: str) -> None:
         Path("file").write_text("")
-        for train, args in ((ppo.train, TrainArgs), (algorithms.train, AlgorithmArgs)):
-            with pytest.raises(FileNotFoundError, match="--resume must be a run's folder"):
-                train(args(resume=name))  # type: ignore[operator]
+        with pytest.raises(FileNotFoundError, match="--resume must be a run's folder"):
+            train(PpoArgs(resume=name))
         assert [path.name for path in Path().iterdir()] == ["file"]

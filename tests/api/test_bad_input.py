@@ -1,11 +1,12 @@
-"""Bad input has its own clear error, in every face, and changes nothing."""
+"""Bad input has an error that names the argument, in every API, and changes nothing.
+
+What an argument may be is checked with one class; what counts as a number is in test_checks; that bad input in the
+middle of any game changes nothing is what the trials in tests/torture check too. Of every API there are examples here.
+"""
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
-import math
-import re
 
 import gymnasium as gym
 import numpy as np
@@ -13,107 +14,79 @@ import pytest
 from gymnasium.error import ResetNeeded
 
 from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv
-from airhockey_env.cameras import Camera
 from airhockey_env.opponents.policy import MlpPolicy
+from airhockey_env.parallel_env import AirHockeyParallelEnv
 from airhockey_env.replay import RecordReplay, Replay, play_back, play_back_frames
 from airhockey_env.saved_states import game_state
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
-from tests.helpers import pursue, random_actions, same, shown
+from tests.api.apis import APIS
+from tests.helpers import INF, NAN, begin, handed, pursue, same, shown, snapshot
 
-NAN, INF = math.nan, math.inf
-
-FACES = {
-    "env": lambda **arguments: AirHockeyEnv(**arguments),
-    "make": lambda **arguments: gym.make("AirHockey-v0", disable_env_checker=True, **arguments).unwrapped,
-    "vector": lambda **arguments: AirHockeyVectorEnv(2, **arguments),
-    "make_vec": lambda **arguments: gym.make_vec("AirHockey-v0", num_envs=2, **arguments).unwrapped,
-    "sb3": lambda **arguments: AirHockeySB3VecEnv(2, **arguments),
-}
+RANDOMIZE = {"randomize": {"width": (1.0, 1.2)}}
+STILL = np.zeros((2, 2), np.float32)
 
 
-@pytest.fixture(params=FACES)
+@pytest.fixture(params=APIS.values(), ids=APIS)
 def make(request):
-    return FACES[request.param]
+    return request.param
 
 
-def begin(env):
-    """A game under way."""
-    if isinstance(env, AirHockeySB3VecEnv):
-        env.seed(1)
-        env.reset()
-    else:
-        env.reset(seed=1)
-    for actions in random_actions(1, 10, 2, env._game.continuous):
-        env.step(actions[0] if isinstance(env, AirHockeyEnv) else actions)
-    return env
-
-
-def snapshot(env):
-    """All that decides what follows, for every face."""
-    other = env._actions if isinstance(env, AirHockeySB3VecEnv) else str(env.np_random.bit_generator.state)
-    return env._game.get_state().tobytes(), other, env._game.out.observation.tobytes()
+def refuses(env, work, match, error=ValueError):
+    """Some work with an environment is refused, and nothing has changed afterwards."""
+    before = snapshot(env)
+    with pytest.raises(error, match=match):
+        work()
+    assert snapshot(env) == before
 
 
 # Arguments
 
-ARGUMENTS = [
-    *(("opponent", value) for value in ("Striker", "", None, 3, ["idel"], [])),
-    *(("opponent_skill", value) for value in (-0.01, 1.01, NAN, INF, "1", None, True, [0.5, [0.5]])),
-    *(("task", value) for value in ("Point", None, 1, [], {}, np.zeros(2))),
-    *(("table", value) for value in ("Full_size", None, 2, {})),
-    *(("continuous", value) for value in (1, 0, "yes", None)),
-    *(("reward", value) for value in ("Sparse", None, 1, [], np.zeros(2))),
-    *(("randomize", value) for value in (1, NAN, True, "length", ["length"], {"length"}, np.zeros(2))),
-    *(("control_hz", value) for value in (9.99, 240.01, 0, -50, NAN, INF, "50", None, True)),
-    *(("max_episode_steps", value) for value in (0, -2, 1.5, -1.0, "9", NAN, True, 2**31)),
-    *(("render_mode", value) for value in ("rgb", "ansi", 1, [], np.zeros(2))),
-    *(("render_size", value) for value in ((64,), (64, 0), (64.5, 48), "big", 64)),
-]
+ARGUMENTS = {
+    "num_envs": (0, 1.5, None),
+    "num_threads": (0, 1.5, "2"),
+    "autoreset_mode": ("next", "NEXT_STEP", None, 1, []),
+    "opponent": ("Striker", "", None, 3, ["idel"], []),
+    "opponent_skill": (-0.01, 1.01, "1", [0.5, [0.5]], [0.5, 0.5, 0.5]),
+    "task": ("Point", None, 1, [], {}, np.zeros(2)),
+    "table": ("Full_size", None, 2, {}),
+    "obs_type": ("RGB", "pixels", None, ["rgb"], np.array(["rgb", "state"])),
+    "continuous": (1, "yes", None),
+    "reward": ("Sparse", None, [], np.zeros(2)),
+    "randomize": (1, "length", ["length"], {"length"}, np.zeros(2)),
+    "camera": ("phone", 3, {"blur": 1}, [None]),
+    "control_hz": (9.99, 240.01, "50", None),
+    "max_episode_steps": (0, -2, -1.0, 2**31),
+    "render_mode": ("ansi", "rgb", 1, [], np.zeros(2)),
+    "render_size": ((64,), (64, 0), (64.5, 48), "big", 64),
+}
 
 
-@pytest.mark.parametrize(("name", "value"), ARGUMENTS, ids=str)
-def test_arguments(make, name, value):
-    if name in ("max_episode_steps", "render_mode") and make is FACES["make"]:
-        make = FACES["env"]  # gymnasium.make has its own errors for these
-    arguments = {name: value} | ({"render_mode": "rgb_array"} if name == "render_size" else {})
-    with pytest.raises(ValueError, match=rf"^{name} must be .*, got "):
-        make(**arguments)
+@pytest.mark.parametrize(
+    ("name", "value"), [(name, value) for name, values in ARGUMENTS.items() for value in values], ids=str
+)
+def test_arguments(name, value):
+    with pytest.raises(ValueError, match=rf"^{name} .*got "):
+        AirHockeyVectorEnv(**{"num_envs": 2, "render_mode": "rgb_array", name: value})
 
 
-@pytest.mark.parametrize("value", [0, -1, 1.5, NAN, "2", None, True])
-@pytest.mark.parametrize("face", [AirHockeyVectorEnv, AirHockeySB3VecEnv])
-def test_number_of_tables(face, value):
-    with pytest.raises(ValueError, match=r"^num_envs must be a whole number from 1 .*, got "):
-        face(value)
-
-
-@pytest.mark.parametrize("value", [0, -1, 1.5, "2", True])
-@pytest.mark.parametrize("face", [AirHockeyVectorEnv, AirHockeySB3VecEnv])
-def test_number_of_threads(face, value):
-    with pytest.raises(ValueError, match=r"^num_threads must be a whole number from 1 .*, got "):
-        face(2, num_threads=value)
-
-
-@pytest.mark.parametrize("value", ["next", "NEXT_STEP", None, 1, True, []])
-def test_autoreset_mode(value):
-    with pytest.raises(
-        ValueError, match=r"^autoreset_mode must be one of \['NextStep', 'SameStep', 'Disabled'\], got "
-    ):
-        AirHockeyVectorEnv(2, autoreset_mode=value)
-
-
-@pytest.mark.parametrize("name", ["oponent", "player", "points", "autoreset"])  # the others are the game's own
-def test_unknown_arguments(make, name):
-    with pytest.raises(TypeError, match=name):
-        make(**{name: 1})
+@pytest.mark.parametrize("api", [AirHockeyEnv, AirHockeyVectorEnv, AirHockeySB3VecEnv, AirHockeyParallelEnv])
+def test_every_argument_of_every_api_is_checked(api):
+    names = inspect.signature(api).parameters
+    assert set(names) <= set(ARGUMENTS)
+    good = {"render_mode": "rgb_array"} | ({"num_envs": 2} if "num_envs" in names else {})
+    for name in names:
+        with pytest.raises(ValueError, match=rf"^{name} .*got "):
+            api(**{**good, name: ARGUMENTS[name][0]})
 
 
 def test_every_api_has_the_same_arguments():
-    single, batch, sb3 = (
-        inspect.signature(api).parameters for api in (AirHockeyEnv, AirHockeyVectorEnv, AirHockeySB3VecEnv)
+    single, batch, sb3, parallel = (
+        inspect.signature(api).parameters
+        for api in (AirHockeyEnv, AirHockeyVectorEnv, AirHockeySB3VecEnv, AirHockeyParallelEnv)
     )
     assert set(batch) - set(single) == {"num_envs", "num_threads", "autoreset_mode"}
     assert set(batch) - set(sb3) == {"autoreset_mode"}
+    assert set(single) - set(parallel) == {"opponent", "opponent_skill"}
     for name in set(single) - {"max_episode_steps"}:  # gymnasium.make puts its own limit around a single environment
         assert single[name].default == batch[name].default == sb3[name].default, name
     assert batch["max_episode_steps"].default is sb3["max_episode_steps"].default is None
@@ -121,98 +94,65 @@ def test_every_api_has_the_same_arguments():
 
 # Actions
 
-CONTINUOUS = [
-    [NAN, 0.0], [0.0, INF], [-INF, 0.0], np.array([0.0, NAN], np.float32), np.array([INF, 0.0], np.float64),
-    0.5, [0.5], [0.1, 0.2, 0.3], [[[0.1, 0.2]]], [], [[0.1], [0.1, 0.2]],
+VELOCITIES = [
+    [NAN, 0.0], [0.0, -INF], np.array([0.0, NAN], np.float32), 0.5, [0.1, 0.2, 0.3], [[0.1, 0.2]], [], [[0.1], [1, 2]],
     None, "left", {"x": 1.0}, [1j, 0.0], [None, 0.0],
 ]  # fmt: skip
+DIRECTIONS = [-1, 9, 1.0, NAN, None, "1", [1], [1, [2]], 2**70]
 
 
-def refuses(env, action, match):
-    """Both ways of acting refuse an action, and nothing has changed afterwards."""
-    before = snapshot(env)
-    with pytest.raises(ValueError, match=match):
-        env.step(action)
-    assert snapshot(env) == before
+@pytest.mark.parametrize("continuous", [True, False])
+def test_actions(make, continuous):
+    env = begin(make(continuous=continuous))
+    good = STILL[0] if continuous else 0
+    for bad in VELOCITIES if continuous else DIRECTIONS:
+        refuses(env, lambda bad=bad: env.step(handed(env, [bad, good])), r"^actions?\b.*got ")
+    env.step(handed(env, [good, good]))
 
 
-@pytest.mark.parametrize("action", CONTINUOUS, ids=repr)
-def test_continuous_actions(make, action):
-    env = begin(make())
-    if isinstance(env, AirHockeyEnv):
-        refuses(env, action, "^action must be ")
-        return
-    refuses(env, action, "^actions must be ")
-    if np.array(action, dtype=object).shape == (2,) and all(isinstance(x, float) for x in list(action)):
-        refuses(env, np.stack([np.zeros(2), action]), "^actions must be finite, got (nan|inf|-inf)$")
-    refuses(env, np.zeros((3, 2)), r"^actions must be an array of shape \(2, 2\), got shape \(3, 2\)")
-    refuses(env, np.zeros(2), r"^actions must be an array of shape \(2, 2\), got shape \(2,\)")
+@pytest.mark.parametrize("api", ["batch", "sb3"])
+@pytest.mark.parametrize("actions", [np.zeros((3, 2)), np.zeros(2), None])
+def test_actions_of_a_batch(api, actions):
+    env = begin(APIS[api]())
+    refuses(env, lambda: env.step(actions), r"^actions .*\(2, 2\), got ")
 
 
-@pytest.mark.parametrize("action", [-1, 9, 1.0, True, NAN, None, "1", [1, 2, 3], [[1]], [], [1, [2]], 2**70], ids=repr)
-def test_discrete_actions(make, action):
-    env = begin(make(continuous=False))
-    if isinstance(env, AirHockeyEnv):
-        refuses(env, action, "^action must be whole numbers from 0 to 8")
-        return
-    refuses(env, action, "^actions must be whole numbers from 0 to 8")
-    if not isinstance(action, (list, bool)):
-        refuses(env, [0, action], "^actions must be whole numbers from 0 to 8")
-    refuses(env, [1, 2, 3], r"^actions must be whole numbers from 0 to 8, of shape \(2,\)")
+@pytest.mark.parametrize("actions", [None, 3, [], STILL, {}, {"left": STILL[0]}, {"left": STILL[0], "Right": STILL[0]}])
+def test_actions_of_two_players(actions):
+    env = begin(AirHockeyParallelEnv())
+    refuses(env, lambda: env.step(actions), r"^actions .*'left', 'right'.*got ")
 
 
-def test_finite_actions_that_float32_cannot_hold_are_clipped():
-    large, one = begin(AirHockeyEnv()), begin(AirHockeyEnv())
-    assert same(large.step([1e300, -1e39])[0], one.step([1.0, -1.0])[0])
-    large, one = begin(AirHockeyVectorEnv(2)), begin(AirHockeyVectorEnv(2))
-    assert same(large.step(np.full((2, 2), -1e300))[0], one.step(np.full((2, 2), -1.0))[0])
+@pytest.mark.parametrize("given", [[1e300, -1e39], [1.5, -7.0]])
+def test_finite_actions_out_of_range_are_clipped(make, given):
+    wild, tame = begin(make()), begin(make())
+    assert same(wild.step(handed(wild, [given] * 2)), tame.step(handed(tame, [[1.0, -1.0]] * 2)))
 
 
 def test_actions_of_any_real_kind_are_taken():
-    given = [[1.0, -0.5], (1, -0.5), np.array([1.0, -0.5]), np.array([1.0, -0.5], ">f4"), np.array([1.0, 0, -0.5])[::2]]
-    observations = [begin(AirHockeyEnv()).step(action)[0] for action in given]
-    assert all(same(observation, observations[0]) for observation in observations)
-    steered = [
-        begin(AirHockeyEnv(continuous=False)).step(action)[0] for action in (3, np.int64(3), np.array(3), np.uint8(3))
-    ]
-    assert all(same(observation, steered[0]) for observation in steered)
+    velocities = [[1.0, -0.5], (1, -0.5), np.array([1, -0.5], ">f4"), np.array([1.0, 0, -0.5])[::2]]
+    for continuous, actions in ((True, velocities), (False, [3, np.int64(3), np.array(3), np.uint8(3)])):
+        observations = [begin(AirHockeyEnv(continuous=continuous)).step(action)[0] for action in actions]
+        assert all(same(observation, observations[0]) for observation in observations)
 
 
 # Resets
 
-SEEDS = [-1, 1.5, NAN, "1", True, [], {}, -(2**70)]
+SEEDS = [-1, 1.5, "1", True, [], {}]
+PUCKS = [1.0, [1.0], [0.0, 0.0, 0.0], [0.0, NAN], [INF, 0.0], "ab", [None, 0.0], {"x": 1}, [[0.0], 1.0]]
 OPTIONS = [
-    (5, "options must be a mapping"),
-    ("serve", "options must be a mapping"),
-    (["serve"], "options must be a mapping"),
-    ({"server": "left"}, r"options must be a mapping whose keys .*, got 'server'"),
-    ({1: 2}, "options must be a mapping whose keys .*, got 1"),
-    ({"serve": "Left"}, r"options\['serve'\] must be one of .*, got 'Left'"),
-    ({"serve": None}, r"options\['serve'\] must be one of .*, got None"),
-    ({"serve": ["left"]}, r"options\['serve'\] must be one of .*"),
-    *(
-        ({name: value}, rf"options\['{name}'\] must be two finite numbers, got ")
-        for name in ("puck_position", "puck_velocity")
-        for value in (1.0, [1.0], [0.0, 0.0, 0.0], [0.0, NAN], [INF, 0.0], "ab", [None, 0.0], {"x": 1}, [[0.0], 1.0])
-    ),
-    (
-        {"puck_position": [1.15, 0.0]},
-        r"options\['puck_position'\] must be at most .* m from the centre, got \(1.15, 0.0\)",
-    ),
-    ({"puck_position": [0.0, -0.54]}, r"options\['puck_position'\] must be at most .* m from the centre"),
-    *(
-        (
-            {"puck_position": [x, 0.05]},
-            rf"options\['puck_position'\] must be at least 0.0918 m from the paddle that starts at \({start}, 0\), got",
-        )
-        for x, start in ((-0.93, -0.9448), (0.93, 0.9448))
-    ),
-    ({"puck_velocity": [9.0, 9.0]}, r"options\['puck_velocity'\] must be at most 12 m/s, got \(9.0, 9.0\)"),
+    *((options, "options") for options in (5, "serve", ["serve"], {1: 2}, {"server": "left"})),
+    *(({"serve": value}, r"options\['serve'\]") for value in ("Left", None, ["left"])),
+    *(({name: value}, rf"options\['{name}'\]") for name in ("puck_position", "puck_velocity") for value in PUCKS),
+    *(({"puck_position": place}, r"options\['puck_position'\]") for place in ([1.15, 0.0], [0.0, -0.54])),
+    ({"puck_velocity": [9.0, 9.0]}, r"options\['puck_velocity'\].* 12 "),
+    # In a paddle: it starts at 0.8 of the way to its end wall.
+    *(({"puck_position": [x, 0.05]}, rf"options\['puck_position'\].*\({x:.1f}") for x in (-0.9, 0.9)),
 ]
 
 
 def reset(env, seed=None, options=None):
-    """Reset a face with a seed and options; Stable-Baselines3 takes them before."""
+    """Reset an environment with a seed and options; Stable-Baselines3 takes them before."""
     if isinstance(env, AirHockeySB3VecEnv):
         if seed is not None:
             env.seed(seed)
@@ -222,36 +162,26 @@ def reset(env, seed=None, options=None):
     return env.reset(seed=seed, options=options)
 
 
-@pytest.mark.parametrize("seed", SEEDS, ids=repr)
-def test_seeds(make, seed):
+def test_seeds_and_options(make):
     env = begin(make())
-    before = snapshot(env)
-    with pytest.raises(ValueError, match=r"^seed must .*, got "):
-        reset(env, seed=seed)
-    assert snapshot(env) == before
+    for seed in SEEDS:
+        refuses(env, lambda seed=seed: reset(env, seed=seed), r"^seed .*got ")
+    for options, name in OPTIONS:
+        if not (isinstance(env, AirHockeySB3VecEnv) and isinstance(options, list)):  # one for each table, there
+            seed = None if isinstance(env, AirHockeySB3VecEnv) else 5
+            refuses(env, lambda o=options, s=seed: reset(env, s, o), f"^{name}.*got ")
+    reset(env)  # what was refused is forgotten
 
 
-@pytest.mark.parametrize(
-    "seeds", [[1], [1, 2, 3], [1, -1], [1.0, 2.0], [None, "2"], [True, False], "12", [1, [2]], [1, []]], ids=repr
-)
+@pytest.mark.parametrize("seeds", [[1], [1, 2, 3], [1, -1], [1.0, 2.0], [None, "2"], "12", [1, [2]]], ids=repr)
 def test_seeds_of_a_batch(seeds):
     envs = begin(AirHockeyVectorEnv(2))
-    before = snapshot(envs)
-    with pytest.raises(ValueError, match=r"^seed must .*, got "):
-        envs.reset(seed=seeds)
-    assert snapshot(envs) == before
+    refuses(envs, lambda: envs.reset(seed=seeds), r"^seed .*got ")
 
 
-@pytest.mark.parametrize(("options", "message"), OPTIONS, ids=repr)
-def test_options(make, options, message):
-    env = begin(make())
-    before = snapshot(env)
-    if isinstance(env, AirHockeySB3VecEnv) and isinstance(options, list):
-        message = "options must hold one dict for each of 2 tables, got 1"
-    with pytest.raises(ValueError, match=f"^{message}"):
-        reset(env, seed=5 if not isinstance(env, AirHockeySB3VecEnv) else None, options=options)
-    assert snapshot(env) == before
-    reset(env)  # what was refused is forgotten
+def test_options_of_a_batch_for_stable_baselines():
+    envs = begin(AirHockeySB3VecEnv(2))
+    refuses(envs, lambda: envs.set_options([{"serve": "left"}]), r"^options .* 2 .*got 1$")
 
 
 @pytest.mark.parametrize(
@@ -268,34 +198,23 @@ def test_options(make, options, message):
 )
 def test_reset_masks_as_gymnasium_has_it(mask, error):
     envs, theirs = begin(AirHockeyVectorEnv(2)), gym.make_vec("AirHockey-v0", 2, "sync")
-    before = snapshot(envs)
-    with pytest.raises(error, match=r"^options\['reset_mask'\] must "):
-        envs.reset(seed=4, options={"reset_mask": mask})
-    assert snapshot(envs) == before
+    refuses(envs, lambda: envs.reset(seed=4, options={"reset_mask": mask}), r"^options\['reset_mask'\] ", error)
     with pytest.raises((error, AssertionError)):  # the latter from Gymnasium 1.1
         theirs.reset(options={"reset_mask": mask})
 
 
-# Steps before a reset and after an end
-
-
-def test_step_before_reset(make):
+def test_step_before_reset_and_after_the_end(make):
+    disabled = {"autoreset_mode": "Disabled"} if make is APIS["batch"] else {}
+    env = make(max_episode_steps=3, **disabled)
+    still = handed(env, STILL)
     with pytest.raises(ResetNeeded):
-        make().step(np.zeros((2, 2)) if make not in (FACES["env"], FACES["make"]) else np.zeros(2))
-
-
-@pytest.mark.parametrize("face", ["env", "vector"])
-def test_step_after_the_end(face):
-    env = FACES[face](opponent="idle", max_episode_steps=3, **({} if face == "env" else {"autoreset_mode": "Disabled"}))
-    env.reset(seed=1)
-    still = np.zeros(2) if face == "env" else np.zeros((2, 2))
+        env.step(still)
+    env.reset()
     for _ in range(3):
         env.step(still)
-    before = snapshot(env)
-    for _ in range(2):
-        with pytest.raises(ResetNeeded, match="over"):
-            env.step(still)
-    assert snapshot(env) == before
+    if make is not APIS["sb3"]:  # begins the next episode by itself
+        for _ in range(2):
+            refuses(env, lambda: env.step(still), "over", ResetNeeded)
     env.reset()
     env.step(still)
 
@@ -303,151 +222,100 @@ def test_step_after_the_end(face):
 # States
 
 
-def test_states():
-    env, envs = begin(AirHockeyEnv()), begin(AirHockeyVectorEnv(2))
-    good = envs.get_state()
-    for one in (env, envs):
-        before = snapshot(one)
-        shape = (1 if one is env else 2,)
-        for bad, got in (
-            (None, "NoneType"),
-            ({}, "dict"),
-            (good[0], "void"),
-            (good.tobytes(), "bytes"),
-            (np.zeros(shape), "another kind of record"),
-            (good[:0], "shape (0,)"),
-            (np.concatenate([good, good]), "shape (4,)"),
-            (np.zeros((2, 1)), "shape (2, 1) and another kind of record"),
-        ):
-            message = f"state must be what get_state returned, of shape {shape}; got {got}"
-            with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
-                one.set_state(bad)
-        assert snapshot(one) == before
-    with pytest.raises(ValueError, match=r"of shape \(1,\); got shape \(2,\)$"):
-        envs.set_state(good, [0])
+@pytest.mark.parametrize("arguments", [{}, RANDOMIZE, {"camera": "robot"}], ids=str)
+def test_states(make, arguments):
+    env = begin(make(**arguments))
+    good = env.get_state()
+    for bad, got in (
+        (None, "NoneType"),
+        ({}, "dict"),
+        (good[0], "void"),
+        (good.tobytes(), "bytes"),
+        (np.zeros(good.shape), "another kind of record"),
+        (good[:0], r"shape \(0,\)"),
+        (np.concatenate([good, good]), rf"shape \({2 * len(good)},\)"),
+        (begin(make()).get_state() if arguments else begin(make(**RANDOMIZE)).get_state(), "another kind of record"),
+    ):
+        refuses(env, lambda bad=bad: env.set_state(bad), rf"^state .*got {got}")
 
 
-INDICES = [[2], [-1], [0.0], [True], [NAN], "position", ["position"], [[0]], [0, [1]], {}, [None], 2**70]
-
-
-@pytest.mark.parametrize("randomize", [None, {"width": (1.0, 1.2)}], ids=["fixed", "randomized"])
-@pytest.mark.parametrize("indices", INDICES, ids=repr)
-def test_indices_of_states(indices, randomize):
-    envs = begin(AirHockeyVectorEnv(2, randomize=randomize))
-    before, state = snapshot(envs), envs.get_state()
-    for refused in (lambda: envs.get_state(indices), lambda: envs.set_state(state[:1], indices)):
-        with pytest.raises(ValueError, match=r"^indices must be "):
-            refused()
-    with pytest.raises(ValueError, match=r"^indices must be whole numbers from 0 to 1, each once, "):
-        envs.set_state(state, [0, 0])
-    assert snapshot(envs) == before
-
-
-@pytest.mark.parametrize("randomize", [None, {"width": (1.0, 1.2)}], ids=["fixed", "randomized"])
+@pytest.mark.parametrize("randomize", [{}, RANDOMIZE], ids=["fixed", "randomized"])
 @pytest.mark.parametrize(
-    ("name", "value", "message"),
+    ("name", "value"),
     [
-        *((name, value, f"state must hold finite numbers, got another in '{name}'")
-          for name in ("position", "velocity", "skill", "plan", "wander") for value in (NAN, INF)),
-        ("position", 1.5, "state must have all discs on the table"),
-        ("position", -1e300, "state must have all discs on the table"),
+        *((name, value) for name in ("position", "velocity", "skill", "plan", "wander") for value in (NAN, INF)),
+        ("position", 1.5),
+        ("position", -1e300),
     ],
-)  # fmt: skip
-def test_states_that_no_table_could_be_in(name, value, message, randomize):
+)
+def test_states_that_no_table_could_be_in(name, value, randomize):
     """Regression: they were taken, and played on."""
-    env = begin(AirHockeyEnv(randomize=randomize))
-    before, state = snapshot(env), env.get_state()
+    env = begin(AirHockeyEnv(**randomize))
+    state = env.get_state()
     game_state(state)[name][..., -1] = value
-    with pytest.raises(ValueError, match=f"^{message}"):
-        env.set_state(state)
-    assert snapshot(env) == before
+    refuses(env, lambda: env.set_state(state), rf"^state .*'{name}'")
 
 
 def test_states_of_another_rate():
     """Regression: on randomized tables they brought their rate along."""
-    ours, theirs = (begin(AirHockeyEnv(randomize={"width": (1.0, 1.2)}, control_hz=rate)) for rate in (50, 100))
-    before = snapshot(ours)
-    with pytest.raises(ValueError, match=r"^state must be of a game at control_hz 50"):
-        ours.set_state(theirs.get_state())
-    assert snapshot(ours) == before
+    ours, theirs = (begin(AirHockeyEnv(**RANDOMIZE, control_hz=rate)) for rate in (50, 100))
+    refuses(ours, lambda: ours.set_state(theirs.get_state()), "^state .*control_hz 50")
 
 
-# Cameras, policies and replays
+@pytest.mark.parametrize("randomize", [{}, RANDOMIZE], ids=["fixed", "randomized"])
+@pytest.mark.parametrize(
+    "indices", [[2], [-1], [0.0], [True], "position", ["position"], [[0]], [0, [1]], {}, [None], 2**70], ids=repr
+)
+def test_indices_of_states(indices, randomize):
+    envs = begin(AirHockeyVectorEnv(2, **randomize))
+    state = envs.get_state()
+    refuses(envs, lambda: envs.get_state(indices), "^indices ")
+    refuses(envs, lambda: envs.set_state(state[:1], indices), "^indices ")
+    refuses(envs, lambda: envs.set_state(state, [0, 0]), "^indices ")
 
 
-@pytest.mark.parametrize("field", [field.name for field in dataclasses.fields(Camera)])
-@pytest.mark.parametrize("value", ["1", [], {}, NAN, INF, -1, True, 1j, 10**400, -(10**400)], ids=shown)
-def test_fields_of_a_camera(field, value):
-    with pytest.raises(ValueError, match=rf"^{field} must be .*, got "):
-        Camera(**{field: value})
+# Policies, replays, and opponents from outside
 
 
 @pytest.mark.parametrize(
-    "value", [None, "ab", 3, [], [None], ["ab"], [{}], [[[1.0], [1.0, 2.0]]], [np.full((2, 13), NAN)]]
+    "value", [None, "ab", 3, [], [None], ["ab"], [{}], [[[1.0], [1.0, 2.0]]], [np.full((2, 13), NAN)]], ids=shown
 )
 def test_layers_of_a_policy(value):
     good = {"weights": [np.zeros((2, 13))], "biases": [np.zeros(2)]}
-    for name in good:
+    for name in (*good, "activation"):
         with pytest.raises(ValueError, match=rf"^{name} must be "):
             MlpPolicy(**{**good, name: value})
-    with pytest.raises(ValueError, match=r"^activation must be one of "):
-        MlpPolicy(**good, activation=value)
 
 
 @pytest.mark.parametrize("path", [None, 3.5, -1, 10**6, [], {}], ids=repr)
-def test_paths(path):
+@pytest.mark.parametrize("read", [MlpPolicy.load, Replay.load, play_back])
+def test_paths(read, path):
     """Regression: a number was taken for that of an open file."""
-    with pytest.raises(ValueError, match=re.escape(f"{path} does not hold a policy")):
-        MlpPolicy.load(path)
-    for read in (Replay.load, play_back):
-        with pytest.raises(ValueError, match=re.escape(f"{path} does not hold a replay")):
-            read(path)
+    with pytest.raises(ValueError) as error:  # noqa: PT011  which starts with what was given
+        read(path)
+    assert str(error.value).startswith(f"{path} ")
 
 
-@pytest.mark.parametrize("fps", ["30", [], {}, 1j, NAN, 0, -1, 51, np.zeros(2)], ids=repr)
+@pytest.mark.parametrize("fps", ["30", 0, -1, 51], ids=repr)
 def test_pictures_a_second_of_a_replay(fps, tmp_path):
     env = RecordReplay(AirHockeyEnv(), tmp_path / "game.npz")
     env.reset(seed=0)
     env.step(np.zeros(2))
     env.close()
-    with pytest.raises(ValueError, match=r"^fps must be .* greater than 0 and at most 50.0, got "):
+    with pytest.raises(ValueError, match=r"^fps .*50.*got "):
         play_back_frames(tmp_path / "game.npz", fps=fps)
 
 
-# Opponents from outside
+def fails(seen):
+    raise RuntimeError("no idea")
 
 
-@pytest.mark.parametrize(
-    "answer",
-    [
-        lambda seen: np.zeros((len(seen), 3)),
-        lambda seen: np.zeros((len(seen) + 1, 2)),
-        lambda seen: np.zeros(2),
-        lambda seen: None,
-        lambda seen: "left",
-        lambda seen: np.full((len(seen), 2), NAN),
-        lambda seen: np.full((len(seen), 2), -INF),
-    ],
-    ids=["three columns", "too many", "flat", "None", "text", "NaN", "infinite"],
-)
-def test_answers_of_a_callable_opponent(make, answer):
-    turn = {"answer": pursue}
-    env = begin(make(opponent=lambda seen: turn["answer"](seen)))
-    before = snapshot(env)
-    turn["answer"] = answer
-    with pytest.raises(ValueError, match=r"^the opponent's actions must be "):
-        env.step(np.zeros(2) if isinstance(env, AirHockeyEnv) else np.zeros((2, 2)))
-    assert snapshot(env) == before
-
-
-def test_errors_of_a_callable_opponent_change_nothing(make):
-    def fail(seen):
-        raise RuntimeError("no idea")
-
-    turn = {"answer": pursue}
-    env = begin(make(opponent=lambda seen: turn["answer"](seen)))
-    before = snapshot(env)
-    turn["answer"] = fail
-    with pytest.raises(RuntimeError, match="no idea"):
-        env.step(np.zeros(2) if isinstance(env, AirHockeyEnv) else np.zeros((2, 2)))
-    assert snapshot(env) == before
+@pytest.mark.parametrize("api", ["single", "batch", "sb3"])
+def test_answers_of_a_callable_opponent(api):
+    answers = [pursue]
+    env = begin(APIS[api](opponent=lambda seen: answers[-1](seen)))
+    for answer in (np.zeros((3, 2)), np.zeros(2), None, "left", np.full((env._game.num_tables, 2), NAN)):
+        answers.append(lambda seen, answer=answer: answer)
+        refuses(env, lambda: env.step(handed(env, STILL)), "opponent's actions .*got ")
+    answers.append(fails)
+    refuses(env, lambda: env.step(handed(env, STILL)), "no idea", RuntimeError)

@@ -19,9 +19,9 @@ from gymnasium.error import DependencyNotInstalled, ResetNeeded
 from airhockey_env import AirHockeyEnv
 from airhockey_env.actions import DIRECTIONS
 from airhockey_env.game import OBS_TYPES
-from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
+from airhockey_env.kernel.state import LEFT, RIGHT
 from airhockey_env.tables import PRESETS
-from tests.helpers import COPIES, pursue, random_actions, same
+from tests.helpers import COPIES, begin, pursue, random_actions, same, snapshot, turned
 
 pytest.importorskip("pettingzoo")
 
@@ -35,7 +35,6 @@ with warnings.catch_warnings():  # on importing its own old environments
     from pettingzoo.test.save_obs_test import test_save_obs as save_obs_test
     from pettingzoo.test.state_test import state_test
 
-NAN, INF = math.nan, math.inf
 SMALL = (64, 48)
 PICTURES = {"render_mode": "rgb_array", "render_size": SMALL}
 STILL = {agent: np.zeros(2, np.float32) for agent in AGENTS}
@@ -60,20 +59,6 @@ VARIANTS = [
 def _windows_are_not_shown(monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     monkeypatch.setenv("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-
-
-def begun(**arguments):
-    """A game under way."""
-    game = AirHockeyParallelEnv(**arguments)
-    game.reset(seed=1)
-    for actions in random_actions(1, 10, 2, arguments.get("continuous", True)):
-        game.step(dict(zip(AGENTS, actions, strict=True)))
-    return game
-
-
-def snapshot(game):
-    """All that decides what follows, and what is seen of it."""
-    return game.get_state().tobytes(), game._observations(), list(game.agents)
 
 
 def players(seed, steps, continuous=True):
@@ -262,26 +247,7 @@ def test_options_are_those_of_the_single_environment():
     assert game.reset(4, {"serve": "right"})[0]["right"][8] < 0.0  # PettingZoo allows places
 
 
-def test_seeds():
-    first, second = AirHockeyParallelEnv(), AirHockeyParallelEnv()
-    assert not same(first.reset()[0], second.reset()[0])  # fresh entropy
-    assert same(first.reset(seed=3)[0], second.reset(seed=3)[0])
-    follow = first.reset()[0]
-    assert same(follow, second.reset()[0]) and not same(follow, first.reset(seed=3)[0])
-
-
 # Both sides are the same game
-
-
-def turned(state):
-    """The same table seen from the other side: turned by 180 degrees, the players swapped."""
-    other = state.copy()
-    for field in ("position", "velocity"):
-        other[field] = 0.0 - state[field][:, [RIGHT, LEFT, PUCK]]
-    other["side"] = -state["side"]
-    for field in ("score", "skill", "wander"):
-        other[field] = state[field][:, ::-1]
-    return other
 
 
 def swapped(results):
@@ -321,7 +287,7 @@ def test_the_game_turned_by_180_degrees_is_the_game_with_the_players_swapped(tas
         if game.agents:
             expected = turned(game.get_state())
             ours = mirror.get_state()
-            for field in set(expected.dtype.names) - {"success", "hits"}:
+            for field in expected.dtype.names:
                 assert (ours[field] == expected[field]).all(), field
         if reward == "sparse":
             assert rewards["left"] == -rewards["right"] and rewards["left"] in (-1.0, 0.0, 1.0)
@@ -430,33 +396,6 @@ def test_a_match_is_first_to_seven():
 # States and copies
 
 
-@pytest.mark.parametrize("way", COPIES)
-@pytest.mark.parametrize("arguments", [{}, {"reward": "shaped", "task": "match"}, PICTURES], ids=str)
-def test_copies_go_on_alike(way, arguments):
-    game = begun(**arguments)
-    copied = COPIES[way](game)
-    assert copied.agents == game.agents
-    for actions in random_actions(4, 300, 2):
-        actions = dict(zip(AGENTS, actions, strict=True))
-        assert same(copied.step(actions), game.step(actions))
-        if not game.agents:
-            assert same(copied.reset(), game.reset())
-
-
-@pytest.mark.parametrize("arguments", [{}, {"reward": "shaped"}], ids=str)
-def test_states_are_restored(arguments):
-    game = begun(**arguments)
-    state = game.get_state()
-    actions = [dict(zip(AGENTS, drawn, strict=True)) for drawn in random_actions(5, 100, 2)]
-    first = [game.step(one) for one in actions]
-    elsewhere = AirHockeyParallelEnv(**arguments)
-    for other in (game, elsewhere):
-        other.set_state(state)
-        assert other.agents == ["left", "right"]
-        assert same([other.step(one) for one in actions], first)
-    assert same(elsewhere.reset()[0], game.reset()[0])
-
-
 def test_agents_follow_the_state():
     game = AirHockeyParallelEnv()
     never = game.get_state()
@@ -478,7 +417,7 @@ def test_what_is_returned_is_the_callers():
     for _ in range(5):
         game.step({agent: np.ones(2, np.float32) for agent in AGENTS})
     assert same(observations, kept)
-    game.positions[:] = game.velocities[:] = game.state()[:] = NAN
+    game.positions[:] = game.velocities[:] = game.state()[:] = math.nan
     agents.clear()
     assert np.isfinite(game.positions).all() and np.isfinite(game.state()).all()
     game.reset()
@@ -508,26 +447,13 @@ def test_a_window_opens_and_closes():
     game.close()
 
 
-# Bad input
-
-ARGUMENTS = [
-    *(("task", value) for value in ("hit", "defend", "Point", None, 1, ["point"])),
-    *(("table", value) for value in ("Full_size", None, 2)),
-    *(("obs_type", value) for value in ("pixels", None, 1)),
-    *(("continuous", value) for value in (1, "yes", None)),
-    *(("reward", value) for value in ("Sparse", None, [])),
-    *(("control_hz", value) for value in (9.99, 240.01, NAN, "50", None, True)),
-    *(("max_episode_steps", value) for value in (0, -2, 1.5, -1.0, "9", NAN, True)),
-    *(("render_mode", value) for value in ("rgb", "ansi", 1)),
-    *(("render_size", value) for value in ((64,), (64, 0), "big")),
-]
+# Bad input: what all APIs refuse is in test_bad_input
 
 
-@pytest.mark.parametrize(("name", "value"), ARGUMENTS, ids=str)
-def test_bad_arguments(name, value):
-    arguments = {name: value} | ({"render_mode": "rgb_array"} if name == "render_size" else {})
-    with pytest.raises(ValueError, match=rf"^{name} must be .*got "):
-        AirHockeyParallelEnv(**arguments)
+@pytest.mark.parametrize("task", ["hit", "defend", "Point", None, 1, ["point"]], ids=str)
+def test_tasks_for_one_player_are_refused(task):
+    with pytest.raises(ValueError, match=r"^task "):
+        AirHockeyParallelEnv(task=task)
 
 
 FINE = np.zeros(2, np.float32)
@@ -535,89 +461,15 @@ INCOMPLETE = [
     None, 3, [], FINE, [FINE, FINE], {}, {"left": FINE}, {"right": FINE},
     {"left": FINE, "right": FINE, "middle": FINE}, {"left": FINE, "Right": FINE}, {0: FINE, 1: FINE},
 ]  # fmt: skip
-BAD_VELOCITIES = [
-    None,
-    3,
-    "up",
-    [0.0],
-    [0.0, 0.0, 0.0],
-    [[0.0, 0.0]],
-    [NAN, 0.0],
-    [0.0, INF],
-    [0.0, "x"],
-    [1j, 0.0],
-    {},
-]
-BAD_DIRECTIONS = [None, -1, 9, 1.0, "up", [0], NAN, FINE, {}]
 
 
 @pytest.mark.parametrize("actions", INCOMPLETE, ids=str)
 def test_an_action_for_each_agent(actions):
-    game = begun()
+    game = begin(AirHockeyParallelEnv())
     before = snapshot(game)
-    with pytest.raises(ValueError, match=r"^actions must map each of \['left', 'right'\] to its action, got "):
+    with pytest.raises(ValueError, match=r"^actions .*'left', 'right'"):
         game.step(actions)
     assert same(snapshot(game), before)
-
-
-@pytest.mark.parametrize("agent", AGENTS)
-@pytest.mark.parametrize(
-    ("continuous", "action"),
-    [*((True, action) for action in BAD_VELOCITIES), *((False, action) for action in BAD_DIRECTIONS)],
-    ids=str,
-)
-def test_bad_actions(continuous, action, agent):
-    game = begun(continuous=continuous)
-    before = snapshot(game)
-    fine = dict.fromkeys(AGENTS, FINE if continuous else 0)
-    with pytest.raises(ValueError, match=rf"^actions\['{agent}'\] must be .*got "):
-        game.step({**fine, agent: action})
-    assert same(snapshot(game), before)
-    game.step(fine)
-
-
-def test_actions_out_of_range_are_clipped():
-    game, other = begun(), begun()
-    first = game.step({"left": [1e300, 0], "right": np.array([-7.0, 9.0])})
-    assert same(first, other.step({"left": np.float32([1, 0]), "right": np.float32([-1, 1])}))
-
-
-OPTIONS = [
-    *({"serve": value} for value in ("up", 1, None)),
-    *({"puck_position": value} for value in ((9.0, 0.0), (0.0,), (NAN, 0.0), "x")),
-    {"puck_velocity": (1e9, 0.0)},
-    {"srve": "left"},
-    {"options": 1, "srve": "left"},
-    3,
-    "left",
-]
-
-
-@pytest.mark.parametrize("options", OPTIONS, ids=str)
-def test_bad_options(options):
-    game = begun()
-    before = snapshot(game)
-    with pytest.raises(ValueError, match=r"^options"):
-        game.reset(seed=5, options=options)
-    assert same(snapshot(game), before)
-
-
-@pytest.mark.parametrize("seed", [-1, 1.5, "1", NAN, True, [1]])
-def test_bad_seeds(seed):
-    game = begun()
-    before = snapshot(game)
-    with pytest.raises(ValueError, match=r"^seed must be a whole number from 0 up, got "):
-        game.reset(seed=seed)
-    assert same(snapshot(game), before)
-
-
-def test_bad_states():
-    game = begun()
-    before = snapshot(game)
-    for state in (None, b"", game.get_state()[0], np.zeros(3), np.concatenate([game.get_state()] * 2)):
-        with pytest.raises(ValueError, match=r"^state must be "):
-            game.set_state(state)
-        assert same(snapshot(game), before)
 
 
 def test_unknown_agents():

@@ -1,9 +1,14 @@
-"""One game behind every face: the same seeds and actions give the same bits."""
+"""One game behind every API: the same seeds and actions give the same bits.
+
+Every task meets every kind of table, player and observation at least once here; the trials in tests/torture, which
+compare every API with plain games, draw the rest at random.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
+import itertools
 import os
 
 import gymnasium as gym
@@ -19,7 +24,7 @@ from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.parallel_env import AirHockeyParallelEnv
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import FULL_SIZE
-from tests.helpers import IDS, pursue, random_actions, same, shown
+from tests.helpers import HEAVY, IDS, SHOT, handed, pursue, random_actions, same, shown
 
 MODES = list(AutoresetMode)
 VARIANTS = [
@@ -31,14 +36,13 @@ VARIANTS = [
     {"opponent": pursue, "table": dataclasses.replace(FULL_SIZE, puck_speed=20.0)},
     {"opponent_skill": 0.3, "control_hz": 120.5},
     {"randomize": {"width": (1.0, 1.2), "puck_radius": (0.03, 0.045), "drag_quadratic": (0.0, 0.1)}},
+    {"camera": HEAVY, "opponent": pursue, "randomize": {"length": (2.0, 2.6), "puck_radius": (0.03, 0.045)}},
 ]
 
 # Steps after which some episodes have ended by themselves and some have not.
 LIMITS = {"AirHockeyHit-v0": 60, "AirHockeyDefend-v0": 20}
 
-# A puck past the idle opponent's paddle that is in the goal in the second step at 50 Hz.
-SHOT = {"puck_position": (1.0, 0.1), "puck_velocity": (5.0, 0.0)}
-# One past the own paddle, on every table that is played here.
+# A puck past the own paddle, on every table that is played here.
 OWN_GOAL = {"puck_position": (-0.9, 0.085), "puck_velocity": (-5.0, 0.0)}
 
 
@@ -68,10 +72,15 @@ def play(envs, steps, seed):
             yield observations, infos
 
 
-@pytest.mark.parametrize("arguments", VARIANTS, ids=shown)
-@pytest.mark.parametrize("mode", MODES, ids=str)
-@pytest.mark.parametrize("name", IDS)
-def test_native_batch_is_gymnasiums_batch_of_single_environments(name, mode, arguments):
+def spread(*kinds):
+    """Every id with every one of the last kind, and those of the others (whose numbers share no factor) in turn."""
+    *others, last = kinds
+    pairs = itertools.product(IDS, last)
+    return [(name, *(values[k % len(values)] for values in others), one) for k, (name, one) in enumerate(pairs)]
+
+
+@pytest.mark.parametrize(("name", "arguments", "mode"), spread(VARIANTS, MODES), ids=shown)
+def test_native_batch_is_gymnasiums_batch_of_single_environments(name, arguments, mode):
     n, steps, limit = 4, 700, LIMITS.get(name, 160)
     native = gym.make_vec(name, num_envs=n, autoreset_mode=mode, max_episode_steps=limit, **arguments)
     sync = gym.make_vec(
@@ -92,75 +101,25 @@ def test_native_batch_is_gymnasiums_batch_of_single_environments(name, mode, arg
     sync.close()
 
 
-@pytest.mark.parametrize("arguments", VARIANTS, ids=shown)
-def test_gym_make_is_a_row_of_the_batch(arguments):
-    n = 3
-    envs = gym.make_vec("AirHockey-v0", num_envs=n, **arguments)
-    singles = [gym.make("AirHockey-v0", **arguments) for _ in range(n)]
-    drawn = random_actions(4, 500, n, arguments.get("continuous", True))
-    observations, _ = envs.reset(seed=21)
-    over = np.zeros(n, bool)
-    assert same(observations, np.stack([env.reset(seed=21 + i)[0] for i, env in enumerate(singles)]))
-    for step in range(500):
-        actions = actions_for(envs, observations, drawn[step])
-        observations, rewards, terminated, truncated, _ = envs.step(actions)
-        for i, env in enumerate(singles):
-            expected = (env.reset()[0], 0.0, False, False) if over[i] else env.step(actions[i])[:4]
-            assert same((observations[i], *(float(x[i]) for x in (rewards, terminated, truncated))),
-                        (expected[0], *map(float, expected[1:])))  # fmt: skip
-        assert (envs.unwrapped.positions == np.stack([env.unwrapped.positions for env in singles])).all()
-        assert (envs.unwrapped.velocities == np.stack([env.unwrapped.velocities for env in singles])).all()
-        over = terminated | truncated
-    envs.close()
-
-
-@pytest.mark.parametrize("arguments", VARIANTS, ids=shown)
-def test_stable_baselines_batch_is_the_same_step_batch(arguments):
-    n, limit = 5, 120
-    envs = gym.make_vec("AirHockey-v0", num_envs=n, autoreset_mode="SameStep", max_episode_steps=limit, **arguments)
-    sb3 = AirHockeySB3VecEnv(n, max_episode_steps=limit, **arguments)
-    sb3.seed(5)
-    observations, _ = envs.reset(seed=5)
-    assert same(sb3.reset(), observations)
-    ended = 0
-    for drawn in random_actions(6, 500, n, arguments.get("continuous", True)):
-        actions = actions_for(envs, observations, drawn)
-        observations, rewards, terminated, truncated, infos = envs.step(actions)
-        seen, earned, dones, details = sb3.step(actions)
-        assert same((seen, earned, dones), (observations, rewards.astype(np.float32), terminated | truncated))
-        for i, detail in enumerate(details):
-            if not dones[i]:
-                assert detail == {}
-                continue
-            ended += 1
-            final = infos["final_info"]
-            assert same(detail.pop("terminal_observation"), infos["final_obs"][i])
-            assert same(detail.pop("score"), final["score"][i])
-            for name, value in detail.pop("table", {}).items():
-                assert value == final["table"][name][i]
-            told = {name: final[name][i] for name in ("foul", "is_success")}
-            assert same(detail, {"TimeLimit.truncated": bool(truncated[i]), **told})
-        assert same((sb3.contacts, sb3.n_contacts), (envs.unwrapped.contacts, envs.unwrapped.n_contacts))
-    assert ended > n
-
-
 SWIFT = dataclasses.replace(FULL_SIZE, paddle_speed=15.0, paddle_acceleration=500.0, puck_speed=20.0)
 KINDS = {
     "plain": {},
     "another table": {"table": "challenge", "control_hz": 24, "reward": "shaped"},
     "a swift table": {"table": SWIFT, "control_hz": 120, "opponent_skill": 0.5},
     "randomized": {"randomize": {"width": (1.0, 1.2), "puck_radius": (0.03, 0.045), "paddle_speed": (3.0, 9.0)}},
+    "a camera": {"camera": HEAVY},
     "a pool": {"opponent": ["striker", pursue, "random"], "reward": "shaped"},
 }
 
 
-@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
-@pytest.mark.parametrize("continuous", [True, False])
-@pytest.mark.parametrize("obs_type", OBS_TYPES)
-@pytest.mark.parametrize("name", IDS)
-def test_every_face_gives_the_same_bits(name, obs_type, continuous, kind):
+SEEN = [*OBS_TYPES, "rgb", "state"]
+CONTINUOUS = [True, False, True, False, False, True, True]
+
+
+@pytest.mark.parametrize(("name", "obs_type", "continuous", "kind"), spread(SEEN, CONTINUOUS, KINDS), ids=shown)
+def test_every_api_gives_the_same_bits(name, obs_type, continuous, kind):
     """Single environments, both kinds of batches and Stable-Baselines3's; PettingZoo's is in test_parallel_env."""
-    n = 3
+    n, kind = 3, KINDS[kind]
     arguments = {"obs_type": obs_type, "continuous": continuous, "max_episode_steps": 30, **kind}
     pool = [{"opponent": member} for member in kind.get("opponent", ())] or [{}] * n
     singles = [gym.make(name, **{**arguments, **one}) for one in pool]
@@ -189,18 +148,21 @@ def test_every_face_gives_the_same_bits(name, obs_type, continuous, kind):
         contacts += sum(map(len, hits))
         for theirs in (batch.unwrapped, by_hand.unwrapped, sb3):
             assert same([row[:k] for row, k in zip(theirs.contacts, theirs.n_contacts, strict=True)], hits)
+        for theirs in (by_hand.unwrapped, *([] if done.any() else [batch.unwrapped, sb3])):
+            assert same(theirs.positions, np.stack([env.unwrapped.positions for env in singles]))
+            assert same(theirs.velocities, np.stack([env.unwrapped.velocities for env in singles]))
         for i, (observation, reward, over, cut, info) in enumerate(results):
             assert (reward, over, cut and not over) == (rewards[i], terminated[i], truncated[i])
             assert same(observation, last[i])
             assert same(observation, infos["final_obs"][i] if done[i] else observations[i])
-            table = info.pop("table", {})
+            table = info.get("table", {})
+            final = {"terminal_observation": for_sb3(observation), "TimeLimit.truncated": bool(truncated[i]), **info}
+            assert same(details[i], final if done[i] else {})
+            info.pop("table", None)
             for theirs in (told, infos["final_info"] if done[i] else infos):
                 assert same(info, {key: theirs[key][i] for key in info})
                 assert all(theirs["table"][field][i] == value for field, value in table.items())
             if done[i]:
-                assert same(for_sb3(observation), details[i]["terminal_observation"])
-                assert same(info["score"], details[i]["score"]) and details[i].get("table", {}) == table
-                assert details[i]["is_success"] == info["is_success"]
                 assert same(singles[i].reset()[0], observations[i])
         if done.any():
             ends += done.sum()
@@ -208,57 +170,31 @@ def test_every_face_gives_the_same_bits(name, obs_type, continuous, kind):
     assert ends >= 9 and contacts > 2
 
 
-def fingerprint(n, threads, rows, **arguments):
-    """A hash of all that the first `rows` of `n` tables return."""
+def fingerprints(n, threads, **arguments):
+    """Hashes of all that the first 1, 7, 1500 and 5000 of `n` tables return."""
     envs = AirHockeyVectorEnv(n, num_threads=threads, max_episode_steps=40, autoreset_mode="SameStep", **arguments)
-    digest = hashlib.sha256(envs.reset(seed=99)[0][:rows].tobytes())
+    first, _ = envs.reset(seed=99)
+    digests = {rows: hashlib.sha256(first[:rows].tobytes()) for rows in (1, 7, 1500, 5000) if rows <= n}
     for drawn in random_actions(7, 90, 5000, arguments.get("continuous", True)):
-        observations, rewards, terminated, truncated, infos = envs.step(drawn[:n])
+        *arrays, infos = envs.step(drawn[:n])
         final = infos.get("final_info", {"score": np.zeros((n, 2), np.int32)})
-        for array in (observations, rewards, terminated, truncated, infos["score"], final["score"]):
-            digest.update(array[:rows].tobytes())
-    digest.update(envs.get_state()[:rows].tobytes())
-    return digest.hexdigest()
+        for rows, digest in digests.items():
+            for array in (*arrays, infos["score"], final["score"]):
+                digest.update(array[:rows].tobytes())
+    for rows, digest in digests.items():
+        digest.update(envs.get_state()[:rows].tobytes())
+    return {(rows, digest.hexdigest()) for rows, digest in digests.items()}
 
 
-@pytest.mark.parametrize("arguments", [{}, {"reward": "shaped", "continuous": False, "opponent": pursue}], ids=shown)
+@pytest.mark.parametrize(
+    "arguments", [{}, {"reward": "shaped", "continuous": False, "opponent": pursue}, {"camera": "robot"}], ids=shown
+)
 def test_neither_batch_size_nor_threads_matter(arguments):
-    for rows, batches in ((1, (1, 7, 1500, 5000)), (7, (7, 1500, 5000)), (1500, (1500, 5000)), (5000, (5000,))):
-        sizes = [(n, threads) for n in batches for threads in ((1, 2, 3) if n > 1000 else (1, 3))]
-        assert len({fingerprint(n, threads, rows, **arguments) for n, threads in sizes}) == 1
-
-
-def test_the_order_of_the_tables_does_not_matter():
-    order = np.random.default_rng(0).permutation(50)
-    straight, shuffled = AirHockeyVectorEnv(50), AirHockeyVectorEnv(50)
-    first, _ = straight.reset(seed=list(range(50)))
-    second, _ = shuffled.reset(seed=order.tolist())
-    assert same(first[order], second)
-    for actions in random_actions(1, 200, 50):
-        ours, theirs = straight.step(actions), shuffled.step(actions[order])
-        assert all(same(one[order], other) for one, other in zip(ours[:4], theirs[:4], strict=True))
+    sizes = [(n, threads) for n in (1, 7, 1500, 5000) for threads in ((1, 2, 3) if n > 1000 else (1, 3))]
+    assert len(set().union(*(fingerprints(n, threads, **arguments) for n, threads in sizes))) == 4
 
 
 # Ends of episodes
-
-
-@pytest.mark.parametrize("name", IDS)
-@pytest.mark.parametrize(("asked", "limit"), [({}, None), ({"max_episode_steps": 23}, 23)])
-def test_make_vec_passes_the_time_limit(name, asked, limit):
-    limit = limit or gym.spec(name).max_episode_steps
-    envs = gym.make_vec(name, num_envs=20, opponent="idle", **asked)
-    envs.reset(seed=0)
-    still = np.zeros((20, 2), np.float32)
-    age, over = np.zeros(20, int), np.zeros(20, bool)
-    truncations = 0
-    for _ in range(limit + 20):
-        _, _, terminated, truncated, _ = envs.step(still)
-        age = np.where(over, 0, age + 1)
-        assert same(truncated, (age == limit) & ~terminated)
-        over = terminated | truncated
-        truncations += truncated.sum()
-    # An idle player's shot or defence is over, one way or the other, before the limit of its task.
-    assert truncations > 0 or (name in LIMITS and not asked)
 
 
 def truncated_by(env):
@@ -266,8 +202,7 @@ def truncated_by(env):
     if hasattr(env, "get_wrapper_attr") and env.has_wrapper_attr("_max_episode_steps"):
         return env.get_wrapper_attr("_max_episode_steps")
     env = env.unwrapped
-    single, two = isinstance(env, AirHockeyEnv), isinstance(env, AirHockeyParallelEnv)
-    still = np.zeros(2) if single or two else np.zeros((env.num_envs, 2))
+    still = handed(env, np.zeros((2, 2)))
     for limit in sorted({7, 2**31 - 2, *(task.max_episode_steps for task in TASKS.values())}):
         env.reset()
         truncated = []
@@ -275,9 +210,9 @@ def truncated_by(env):
             state = env.get_state()
             state["steps"] = age
             env.set_state(state)
-            result = env.step({"left": still, "right": still} if two else still)
+            result = env.step(still)
             ends = result[2] if isinstance(env, AirHockeySB3VecEnv) else result[3]
-            truncated.append(bool(np.all(list(ends.values()) if two else ends)))
+            truncated.append(bool(np.all(list(ends.values()) if isinstance(ends, dict) else ends)))
         if any(truncated):
             assert truncated == [False, True]
             return limit
@@ -328,12 +263,8 @@ def test_a_goal_in_the_last_step_terminates_and_is_no_truncation(limit, terminat
         _, rewards, terminations, truncations, infos = batch.step(np.zeros((2, 2)))
         *_, final = same_step.step(np.zeros((2, 2)))
         _, earned, dones, details = sb3.step(np.zeros((2, 2)))
-    assert (reward, terminated, truncated, info["is_success"]) == (
-        float(terminates),
-        terminates,
-        not terminates,
-        terminates,
-    )
+    told = (reward, terminated, truncated, info["is_success"])
+    assert told == (float(terminates), terminates, not terminates, terminates)
     assert rewards.tolist() == earned.tolist() == [reward] * 2
     assert terminations.tolist() == infos["is_success"].tolist() == [terminates] * 2
     assert truncations.tolist() == [not terminates] * 2
@@ -385,19 +316,6 @@ def test_tables_that_never_began_are_not_played():
     assert len(set(streams.tolist())) == 3
     observations, *_ = envs.step(actions)
     assert (np.abs(observations[:, 0]) > 0.5).all()
-
-
-def test_stable_baselines_options_are_for_each_table():
-    sb3 = AirHockeySB3VecEnv(3)
-    sb3.seed(4)
-    sb3.set_options([{"serve": "left"}, {"serve": "right"}, {"puck_position": (0.0, 0.3)}])
-    first = sb3.reset()
-    assert first[0, 8] < 0.0 < first[1, 8] and first[2, 8] == 0.0
-    single = AirHockeyEnv()
-    assert same(first[1], single.reset(seed=5, options={"serve": "right"})[0])
-    sb3.seed(4)
-    sb3.reset()  # options were for one reset only
-    assert (sb3.positions[2, 2] != (0.0, 0.3)).all()
 
 
 def test_an_action_that_lies_spread_out_or_is_read_only_plays_as_its_values_do() -> None:

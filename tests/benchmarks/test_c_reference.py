@@ -47,10 +47,8 @@ def the_same(game: Game, c_game: CGame) -> None:
 @every_compiler
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
 @pytest.mark.parametrize("play", ["random", "chase"])
-def test_the_c_game_plays_the_same_to_the_bit(
-    autoreset_mode: AutoresetMode, play: str, command: tuple[str, ...]
-) -> None:
-    game = Game(TABLES, autoreset_mode=autoreset_mode, max_episode_steps=200, num_threads=1)
+def test_the_c_game_plays_the_same_to_the_bit(mode: AutoresetMode, play: str, command: tuple[str, ...]) -> None:
+    game = Game(TABLES, autoreset_mode=mode, max_episode_steps=200, num_threads=1)
     game.reset(seed=0)
     c_game = CGame(game, library(command))
     the_same(game, c_game)
@@ -141,5 +139,5 @@ def test_a_compiler_that_is_missing_or_broken_is_named(tmp_path: Path, monkeypat
 @needs_compiler
 def test_actions_of_another_kind_are_refused() -> None:
     c_game = CGame(Game(TABLES))
-    with pytest.raises(ValueError, match="actions must be contiguous float32"):
+    with pytest.raises(ValueError, match=r"^actions .*float32"):
         c_game.step(np.zeros((TABLES, 2)))

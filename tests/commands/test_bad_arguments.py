@@ -62,8 +62,17 @@ scorecard idle --table billiards
 scorecard idle --plot card.pdf
 scorecard idle --plot none/card.png
 scorecard idle --json none/card.json
-train_ppo --opponent nobody
-train_ppo --opponents striker nobody
+torture --seconds nan
+torture --jobs 0
+torture --seed -1
+torture --replay nothing.json
+train --algo dreamer
+train --env CartPole-v1
+train --obs-type sound
+train --obs-type rgb --algo sac
+train --hyperparams none.yml
+train_ppo --eval-opponent nobody
+train_ppo --opponent striker nobody
 train_ppo --table billiards
 train_ppo --reward huge
 train_ppo --num-envs 0
@@ -73,7 +82,10 @@ train_ppo --n-steps 1
 train_ppo --batch-size 1
 train_ppo --learning-rate -1
 train_ppo --gamma nan
-train_ppo --eval-points 0
+train_ppo --eval-episodes 0
+train_ppo --eval-every 0
+train_ppo --report-episodes 0
+train_ppo --video-seconds -1
 train_ppo --seed -1
 train_ppo --threads 0
 train_ppo --name ../outside
@@ -84,7 +96,7 @@ train_self_play --scripted-share 0.8
 train_self_play --snapshot-every 0
 train_self_play --most-past-selves 0
 train_self_play --warmup-steps -1
-train_self_play --opponents
+train_self_play --opponent
 """
 NAMELESS = {"curves": "RUN", "evaluate": "MODEL", "ladder": "MODEL", "record_video": "MODEL", "scorecard": "MODEL"}
 """What the arguments without an option are called in the help."""

@@ -12,7 +12,8 @@ import gymnasium
 import numpy as np
 import pytest
 
-from airhockey_env.drawing import raster, render
+from airhockey_env.drawing import raster
+from airhockey_env.drawing.palette import COLORS
 from airhockey_env.drawing.render import Renderer
 from airhockey_env.drawing.window import Window
 from airhockey_env.tables import CHALLENGE, FULL_SIZE, PRESETS
@@ -168,8 +169,8 @@ def test_pieces_are_where_they_should_be_in_their_colours(size: tuple[int, int])
     # Beside the knob where there is one, or in the middle of a piece too small for it.
     beside = 0.0 if size == SMALL else 0.83 * FULL_SIZE.paddle_radius
     left, right = (pixel(renderer, frame, position + np.array([beside, 0.0])) for position in REST[:2])
-    np.testing.assert_allclose(left, render.LEFT, atol=30)
-    np.testing.assert_allclose(right, render.RIGHT, atol=30)
+    np.testing.assert_allclose(left, COLORS.left, atol=30)
+    np.testing.assert_allclose(right, COLORS.right, atol=30)
     assert pixel(renderer, frame, REST[2]).max() < 100
     for mirrored in REST * (1.0, -1.0):
         assert pixel(renderer, frame, mirrored).min() > 180
@@ -218,7 +219,7 @@ def test_table_keeps_its_proportions_and_the_rest_is_plain() -> None:
     frame = Renderer(FULL_SIZE, (84, 120)).draw(REST)
     flat = Renderer(FULL_SIZE, (84, 46)).draw(REST)
     np.testing.assert_array_equal(frame[37:83], flat)
-    assert (frame[:37] == render.ROOM).all() and (frame[83:] == render.ROOM).all()
+    assert (frame[:37] == COLORS.room).all() and (frame[83:] == COLORS.room).all()
 
 
 def test_unusual_tables_are_drawn() -> None:

@@ -12,11 +12,8 @@ import os
 
 import pytest
 
-# No screen and no sound, nothing sent anywhere; and one thread each, since the tests run side by side.
+# Nothing is sent anywhere; and one thread each, since the tests run side by side.
 os.environ.update(
-    SDL_VIDEODRIVER="dummy",
-    SDL_AUDIODRIVER="dummy",
-    PYGAME_HIDE_SUPPORT_PROMPT="1",
     WANDB_MODE="offline",
     OMP_NUM_THREADS="1",
     XLA_FLAGS="--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1",

@@ -380,7 +380,7 @@ def refuses(envs, match, method, *arguments):
 
 @pytest.mark.parametrize("places", BAD_PLACES, ids=shown)
 def test_bad_places(envs, places):
-    refuses(envs, r"^indices must be whole numbers from 0 to 3, .*; got ", "set_opponents", places)
+    refuses(envs, r"^indices must be .* whole numbers from 0 to 3.*, got ", "set_opponents", places)
 
 
 @pytest.mark.parametrize("tables", BAD_TABLES, ids=shown)
@@ -413,9 +413,9 @@ def test_a_single_environment_has_one_opponent():
 
 
 def test_a_game_for_two_has_no_pool():
-    game = Game(2, opponent=None)
-    assert game.opponents == ()
-    for change in (lambda: game.add_opponent("idle"), lambda: game.set_opponent(0, "idle")):
+    pool = Game(2, right=None).pools[RIGHT]
+    assert pool.members == ()
+    for change in (lambda: pool.add("idle"), lambda: pool.replace(0, "idle"), lambda: pool.assign(0)):
         with pytest.raises(ValueError, match="the caller plays the right paddle"):
             change()
 

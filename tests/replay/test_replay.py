@@ -284,7 +284,7 @@ def test_a_game_that_there_is_not(recorded, tmp_path, change):
     loaded = Replay.load(recorded)
     path = tmp_path / "other.npz"
     dataclasses.replace(loaded, arguments={**loaded.arguments, **change}).save(path)
-    with pytest.raises(ValueError, match=r"other.npz holds a game that this version does not have: "):
+    with pytest.raises(ValueError, match=r"other.npz holds a game that this version cannot play: "):
         play_back(path)
 
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from airhockey_env.compiled import records
 from airhockey_env.kernel.scripted import SCRIPTED
-from airhockey_env.kernel.state import LEFT, RIGHT, STATE
-from airhockey_env.saved_states import game_state
+from airhockey_env.kernel.state import LEFT, RIGHT, SEATS, STATE
+from airhockey_env.saved_states import CAMERA_NAMES, game_state
 from airhockey_env.tables import FIELDS, PRESETS
 from tests.torture.apis import FACES
 from tests.torture.cases import encode_state, encoded
@@ -29,6 +29,14 @@ WEIRD: tuple[Any, ...] = (
 """Values that something may be given by mistake; a few of them are good for some things."""
 
 BAD_SEEDS: tuple[Any, ...] = (-1, 1.5, NAN, "1", True, [], {}, -(2**70))
+BROKEN_STATES = (("position", NAN), ("position", 1e9), ("velocity", INF), ("member", 99), ("member", -1))
+"""Fields of a state, and values that no state has there."""
+BROKEN_CAMERAS = (
+    ("first", -1), ("waiting", 2**31), ("known", -1), ("next", 2**31), ("step", -1), ("frame", 2**60),
+    ("true", NAN), ("seen", INF), ("scale", 0.0), ("reach", NAN),
+)  # fmt: skip
+"""The same of what a camera keeps."""
+
 PLAYERS = (*SCRIPTED, *OPPONENTS)
 PURSUE, FLEE, ACROSS, JITTER, AHEAD, HUGE, WANDER, STYLES = range(8)
 """Styles of play: see `draw_actions`."""
@@ -68,9 +76,31 @@ def draw_arguments(rng: np.random.Generator) -> tuple[str, dict[str, Any], tuple
             arguments["opponent_skill"] = rng.random(n).tolist()
     if name == "vector":
         arguments["autoreset_mode"] = pick(rng, tuple(mode.value for mode in AutoresetMode))
+    if rng.random() < 0.2:
+        arguments["camera"] = draw_camera(rng)
+        if name == "parallel" and rng.random() < 0.5:
+            arguments["camera"] = [pick(rng, (None, draw_camera(rng))) for _ in SEATS]
     if rng.random() < 0.1:
         arguments |= {"render_mode": "rgb_array", "render_size": [96, 64]}
     return name, arguments, _spoil(rng, arguments) if rng.random() < 0.3 else ()
+
+
+def draw_camera(rng: np.random.Generator) -> Any:
+    """A camera by name, or some of its fields."""
+    delay = float(rng.uniform(0.0, 150.0))
+    fields = {
+        "camera_hz": pick(rng, (1, 60, 240, float(rng.uniform(1.0, 240.0)))),
+        "delay_ms": delay,
+        "noise_mm": float(rng.uniform(0.0, 100.0)),
+        "opponent_noise_mm": float(rng.uniform(0.0, 100.0)),
+        "velocity_frames": int(rng.integers(2, 65)),
+        "dropout": pick(rng, (1.0, float(rng.random()))),
+        "occlusion_mm": float(rng.uniform(0.0, 1000.0)),
+    }
+    chosen = {name: value for name, value in fields.items() if rng.random() < 0.5}
+    if "delay_ms" in chosen:
+        chosen["jitter_ms"] = pick(rng, (0.0, delay, delay * float(rng.random())))
+    return pick(rng, ("robot", chosen))
 
 
 def _spoil(rng: np.random.Generator, arguments: dict[str, Any]) -> tuple[str, ...]:
@@ -202,13 +232,13 @@ def draw_bad(rng: np.random.Generator, trial: Trial) -> dict[str, Any]:
         if rng.random() < 0.5:
             return {"do": "bad state", "value": pick(rng, WEIRD[:21])}
         state = encode_state(trial.face.env.get_state())
-        table = state["state"] if game.randomized else state
-        field, value = pick(
-            rng, (("position", NAN), ("position", 1e9), ("velocity", INF), ("member", 99), ("member", -1))
-        )
-        broken: Any = np.array(table[field])
+        part, (field, value) = state.get("state", state), pick(rng, BROKEN_STATES)
+        cameras = [state[name]["state"] for name in CAMERA_NAMES if name in state]
+        if cameras and rng.random() < 0.5:
+            part, (field, value) = pick(rng, cameras), pick(rng, BROKEN_CAMERAS)
+        broken: Any = np.array(part[field])
         broken.reshape(-1)[int(rng.integers(broken.size))] = value
-        table[field] = broken.tolist()
+        part[field] = broken.tolist()
         return {"do": "bad state", "value": state}
     if game.continuous:
         spoiled = rng.uniform(-1.0, 1.0, (trial.n, 2))

@@ -20,7 +20,18 @@ from airhockey_env.kernel.state import LEFT, OBSERVATION_SIZE, RIGHT
 from tests.torture.apis import FACES, Seen
 from tests.torture.cases import Case, decode_state, decoded
 from tests.torture.hostile import play_hostile
-from tests.torture.laws import DRAWN, FAILURES, FINE, POINTS, RANGES, check_state, check_step, in_ranges, new_tally
+from tests.torture.laws import (
+    DRAWN,
+    FAILURES,
+    FINE,
+    OBSERVED,
+    POINTS,
+    RANGES,
+    check_state,
+    check_step,
+    in_ranges,
+    new_tally,
+)
 
 NOT_AGAIN = "not the same bits when played again"
 
@@ -66,7 +77,11 @@ class Row:
     def __init__(self, arguments: dict[str, Any], i: int, mode: AutoresetMode, tally: NDArray[np.float64]) -> None:
         own = {name: value for name, value in arguments.items() if name not in OF_FACES}
         skill, opponent = own.pop("opponent_skill", 1.0), own.pop("opponent", "striker")
+        if opponent is not None:
+            own["camera"] = own.get("camera"), None
         skill = skill[i] if isinstance(skill, list) else skill
+        camera = own.pop("camera", None)
+        own["camera"] = (camera, camera if opponent is None else None)
         mode_of_game = AutoresetMode.DISABLED
         self.game = Game(1, right=opponent, right_skill=skill, **own, autoreset_mode=mode_of_game, num_threads=1)
         if isinstance(opponent, list):
@@ -124,6 +139,8 @@ class Row:
 
     def _seen(self, reward: float, terminated: bool, truncated: bool, success: bool) -> Seen:
         game = self.game
+        if any(game.cameras) and not (np.abs(game.out.observation) <= 1.0).all():  # nor NaN
+            raise Broken(FAILURES[OBSERVED])
         seen = {
             "observation": game.observations()[0],
             "reward": reward,

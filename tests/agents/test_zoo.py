@@ -1,4 +1,4 @@
-"""Algorithms by name: their files of hyperparameters, tiny runs, and exported policies."""
+"""Algorithms by name: their files of hyperparameters, tiny runs that go on, and exported policies."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import copy
 import importlib.util
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -23,21 +24,14 @@ from stable_baselines3.common.vec_env import VecFrameStack, VecTransposeImage
 
 from agents.features import SmallCnn
 from agents.models import export_policy
-from agents.training import ppo
-from agents.training.algorithms import (
-    ALGORITHMS,
-    HYPERPARAMS,
-    AlgorithmArgs,
-    make_env,
-    make_model,
-    read_hyperparameters,
-    train,
-)
-from agents.training.runs import BUFFER_ARRAYS
+from agents.training.checkpoints import BUFFER_ARRAYS
+from agents.training.hyperparameters import Hyperparameters
+from agents.training.ppo import PpoArgs
+from agents.training.train import train
+from agents.training.zoo import ALGORITHMS, HYPERPARAMS, ZooArgs, make_env, make_model, parsed, resolve
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
-from scripts.train import main
-from tests.helpers import ROOT
+from tests.helpers import ROOT, Call
 
 IDS = ("AirHockeyHit-v0", "AirHockeyDefend-v0", "AirHockey-v0")
 
@@ -49,9 +43,14 @@ SMALL = {
 }
 
 
+def hyperparameters_of(stem: str, env_id: str = IDS[0]) -> Hyperparameters:
+    """Those of a file in agents/hyperparams."""
+    return parsed(resolve(ZooArgs(env=env_id, hyperparams=HYPERPARAMS / f"{stem}.yml")))
+
+
 def small_model(algo: str) -> BaseAlgorithm:
     """With the file's own network, and weights that make it move."""
-    hyperparameters = read_hyperparameters(HYPERPARAMS / f"{algo}.yml", IDS[0])
+    hyperparameters = hyperparameters_of(algo)
     model = make_model(algo, hyperparameters, make_env(IDS[0], hyperparameters))
     with torch.no_grad():
         for weights in model.policy.parameters():
@@ -76,7 +75,7 @@ def test_the_exported_policy_acts_as_the_model(algo: str, tmp_path: Path) -> Non
 
 def test_clipped_actions_of_other_networks_are_not_exported() -> None:
     kwargs = {"net_arch": [8], "activation_fn": torch.nn.Tanh}
-    model = SAC("MlpPolicy", make_env(IDS[0], read_hyperparameters(HYPERPARAMS / "sac.yml", IDS[0])), use_sde=True,
+    model = SAC("MlpPolicy", make_env(IDS[0], hyperparameters_of("sac")), use_sde=True,
                 policy_kwargs=kwargs, buffer_size=100)  # fmt: skip
     with pytest.raises(ValueError, match="rectified hidden layers"):
         export_policy(model)
@@ -95,7 +94,7 @@ def test_a_policy_file_without_squash(tmp_path: Path) -> None:
 def test_every_section_builds_its_model(path: Path, env_id: str) -> None:
     if path.stem.endswith("_pixels") and env_id == "AirHockey-v0":
         pytest.skip("pictures are for the tasks alone")
-    hyperparameters = read_hyperparameters(path, env_id)
+    hyperparameters = hyperparameters_of(path.stem, env_id)
     env = make_env(env_id, hyperparameters)
     model = make_model(path.stem.removesuffix("_pixels"), hyperparameters, env)
     action, _ = model.predict(env.reset())
@@ -104,7 +103,7 @@ def test_every_section_builds_its_model(path: Path, env_id: str) -> None:
 
 
 def test_pictures_are_stacked_as_rl_zoo_does() -> None:
-    hyperparameters = read_hyperparameters(HYPERPARAMS / "ppo_pixels.yml", "AirHockeyDefend-v0")
+    hyperparameters = hyperparameters_of("ppo_pixels", "AirHockeyDefend-v0")
     assert hyperparameters.frame_stack == 3
     tables = AirHockeySB3VecEnv(2, task="defend", opponent="idle", max_episode_steps=250, obs_type="rgb")
     ours, theirs = make_env("AirHockeyDefend-v0", hyperparameters, 2), VecTransposeImage(VecFrameStack(tables, 3))
@@ -130,29 +129,6 @@ def test_the_small_network_sees_pictures_from_0_to_1() -> None:
     np.testing.assert_allclose(network(seen).detach(), expected.detach(), atol=1e-5)
 
 
-@pytest.mark.parametrize("algo", ALGORITHMS)
-def test_a_tiny_run(algo: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("tiny.yml").write_text(f"AirHockeyDefend-v0: {SMALL[algo]}")
-    args = AlgorithmArgs(
-        algo, "AirHockeyDefend-v0", hyperparams=Path("tiny.yml"), name="tiny", evaluations=2, eval_episodes=2,
-        report_episodes=4,
-    )  # fmt: skip
-    folder = train(args)
-    model = ALGORITHMS[algo].load(folder.model, device="cpu")
-    history = json.loads(folder.evaluations.read_text(), parse_constant=pytest.fail)
-    steps = [row["steps"] for row in history["evaluations"]]
-    assert steps[0] == 0 and steps[-1] == model.num_timesteps >= 32
-    assert [row["episodes"] for row in history["evaluations"]] == [2] * (len(steps) - 1) + [4]
-    assert json.loads(folder.config.read_text())["algo"] == algo
-    assert folder.picture.read_bytes().startswith(b"\x89PNG")
-    seen = np.random.default_rng(0).uniform(-1.0, 1.0, (50, 13)).astype(np.float32)
-    expected, _ = model.predict(seen, deterministic=True)
-    np.testing.assert_allclose(MlpPolicy.load(folder.policy)(seen), expected, atol=1e-5)
-    with pytest.raises(FileExistsError, match="holds a run already"):
-        train(args)
-
-
 class Look(BaseCallback):
     """Keeps what a model is when learning begins."""
 
@@ -167,22 +143,32 @@ class Look(BaseCallback):
         return True
 
 
-def tiny_run(algo: str, **arguments: Any) -> AlgorithmArgs:
+def tiny_run(algo: str) -> ZooArgs:
     Path("tiny.yml").write_text(f"AirHockeyDefend-v0: {SMALL[algo]}")
-    return AlgorithmArgs(
-        algo, "AirHockeyDefend-v0", hyperparams=Path("tiny.yml"), name="tiny", evaluations=2, eval_episodes=2,
-        report_episodes=4, seed=3, **arguments,
+    return ZooArgs(
+        algo=algo, env="AirHockeyDefend-v0", hyperparams=Path("tiny.yml"), name="tiny", seed=3, eval_every=30,
+        eval_episodes=2, report_episodes=4, video_seconds=0,
     )  # fmt: skip
 
 
 @pytest.mark.parametrize("algo", ALGORITHMS)
-def test_resume(algo: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_tiny_run_and_going_on_with_it(algo: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     folder = train(tiny_run(algo))
-    Path("tiny.yml").unlink()  # the run has what it needs
     saved = ALGORITHMS[algo].load(folder.model, device="cpu")
+    history = json.loads(folder.evaluations.read_text(), parse_constant=pytest.fail)
+    steps = [row["steps"] for row in history["evaluations"]]
+    assert steps[0] == 0 and steps[-1] == saved.num_timesteps >= 32
+    assert {row["episodes"] for row in history["evaluations"]} == {2}
+    assert [row["episodes"] for row in history["report"]] == [4]
+    assert folder.picture.read_bytes().startswith(b"\x89PNG")
+    seen = np.random.default_rng(0).uniform(-1.0, 1.0, (50, 13)).astype(np.float32)
+    expected, _ = saved.predict(seen, deterministic=True)
+    np.testing.assert_allclose(MlpPolicy.load(folder.policy)(seen), expected, atol=1e-5)
+
+    Path("tiny.yml").unlink()  # the run has what it needs
     look = Look()
-    train(AlgorithmArgs(resume="tiny", steps=120), callbacks=[look])
+    train(ZooArgs(resume="tiny", steps=120), callbacks=[look])
     assert look.begun == saved.num_timesteps
     for name, state in saved.get_parameters().items():
         flat, own = (torch.nn.utils.parameters_to_vector(_tensors(one)) for one in (state, look.parameters[name]))
@@ -200,10 +186,8 @@ def test_resume(algo: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     history = json.loads(folder.evaluations.read_text())
     steps = [row["steps"] for row in history["evaluations"]]
     assert steps == sorted(steps) and steps[-1] == again.num_timesteps
-    assert [row["seconds"] for row in history["updates"]] == sorted(row["seconds"] for row in history["updates"])
-    before = folder.evaluations.read_bytes()
-    train(AlgorithmArgs(resume="tiny"))  # finished: nothing but the report
-    assert json.loads(folder.evaluations.read_bytes())["evaluations"] == json.loads(before)["evaluations"]
+    train(ZooArgs(resume="tiny"))  # finished: nothing but the report
+    assert json.loads(folder.evaluations.read_text()) == history
 
 
 def _tensors(state: Any) -> list[torch.Tensor]:
@@ -232,35 +216,29 @@ class TestWhatIsNotResumed:
         shutil.copytree(finished, tmp_path / "runs" / "tiny")
         return tmp_path / "runs" / "tiny"
 
-    def test_with_other_arguments(self, run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_with_other_arguments(self, run: Path, call: Call) -> None:
         """Regression: `--seed 0` was taken for the default, whatever the run's seed."""
         for option in (("--seed", "0"), ("--seed", "5"), ("--algo", "ppo"), ("--eval-episodes", "200")):
-            monkeypatch.setattr(sys, "argv", ["train", "--resume", "tiny", "--steps", "1k", *option])
-            with pytest.raises(SystemExit) as stop:
-                main()
-            assert f"got {option[0]}" in str(stop.value.code)
-        monkeypatch.setattr(sys, "argv", ["train", "--resume", "tiny", "--steps", "8", "--seed", "3"])
-        with pytest.raises(SystemExit) as stop:
-            main()
-        assert "--steps must be more, got 8" in str(stop.value.code), "the run's own seed may be given"
+            assert f"got {option[0]}" in call("train", "--resume", "tiny", "--steps", "1k", *option, fails=True)
+        printed = call("train", "--resume", "tiny", "--steps", "8", "--seed", "3", fails=True)
+        assert "--steps must be more, got 8" in printed, "the run's own seed may be given"
 
     def test_by_another_command(self, run: Path) -> None:
         with pytest.raises(ValueError, match=r"runs.tiny is a run of scripts\.train"):
-            ppo.train(ppo.TrainArgs(resume="tiny"))
+            train(PpoArgs(resume="tiny"))
 
     @pytest.mark.parametrize(
         ("name", "value"),
-        [("algo", "dreamer"), ("algo", 3), ("steps", "many"), ("steps", True), ("seed", -1), ("seed", 0.5),
-         ("env", None),
-         ("threads", [1]), ("section", None), ("section", {}), ("section", "sac"), ("other", 1), ("command", "rm"),
+        [("algo", "dreamer"), ("env", None), ("eval_every", 0), ("hyperparams", 1), ("trust", "yes"),
+         ("section", None), ("section", {}), ("section", "sac"),
          ("section", {"n_timesteps": 9, "policy": "MlpPolicy", "policy_kwargs": "__import__('os').mkdir('owned')"}),
          ("section", {"n_timesteps": 9, "policy": "MlpPolicy", "env_kwargs": {"wind": 1}})],
     )  # fmt: skip
     def test_a_forged_config(self, name: str, value: Any, run: Path) -> None:
         config = json.loads((run / "config.json").read_text())
-        (run / "config.json").write_text(json.dumps({**config, name: value}))
+        (run / "config.json").write_text(json.dumps({"trust": True, **config, name: value}))
         with pytest.raises(ValueError, match=r"runs.tiny|hyperparameters do not fit"):
-            train(AlgorithmArgs(resume="tiny", steps=100))
+            train(ZooArgs(resume="tiny", steps=100))
         assert not Path("owned").exists()
 
     def test_a_damaged_buffer(self, run: Path) -> None:
@@ -274,65 +252,43 @@ class TestWhatIsNotResumed:
         ):  # fmt: skip
             np.savez(path, **{**kept, **change})
             with pytest.raises(ValueError, match=r"replay_buffer\.npz does not hold"):
-                train(AlgorithmArgs(resume="tiny", steps=100))
+                train(ZooArgs(resume="tiny", steps=100))
         path.write_bytes(path.read_bytes()[:1000])
         with pytest.raises(ValueError, match=r"replay_buffer\.npz does not hold"):
-            train(AlgorithmArgs(resume="tiny", steps=100))
-
-    def test_a_damaged_model(self, run: Path) -> None:
-        (run / "model.zip").write_bytes((run / "model.zip").read_bytes()[:-500])
-        with pytest.raises(ValueError, match=r"model\.zip does not hold"):
-            train(AlgorithmArgs(resume="tiny", steps=100))
+            train(ZooArgs(resume="tiny", steps=100))
 
 
 def test_a_tiny_run_of_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    section = read_hyperparameters(HYPERPARAMS / "ppo_pixels.yml", "AirHockeyHit-v0")
-    assert section.model["policy"] == "CnnPolicy"
+    assert hyperparameters_of("ppo_pixels").model["policy"] == "CnnPolicy"
     text = (HYPERPARAMS / "ppo_pixels.yml").read_text()
     for name, value in (("n_envs", 2), ("n_steps", 4), ("batch_size", 8), ("n_epochs", 1)):
         before = next(line for line in text.splitlines() if line.startswith(f"  {name}:"))
         text = text.replace(before, f"  {name}: {value}")
     Path("tiny.yml").write_text(text)
-    args = AlgorithmArgs(
+    args = ZooArgs(
         env="AirHockeyDefend-v0", obs_type="grayscale", hyperparams=Path("tiny.yml"), name="tiny", steps=8,
-        evaluations=1, eval_episodes=2, report_episodes=2,
+        eval_episodes=2, report_episodes=2, video_seconds=0.2,
     )  # fmt: skip
     folder = train(args)
+    assert folder.video.read_bytes().startswith(b"GIF")
     assert ALGORITHMS["ppo"].load(folder.model, device="cpu").observation_space.shape == (3, 84, 84)
     assert not folder.policy.exists(), "it cannot play without torch"
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("text", "message"),
     [
-        (("--algo", "dreamer"), "--algo must be one of"),
-        (("--env", "CartPole-v1"), "--env must have a section in"),
-        (("--obs-type", "sound"), "--obs-type must be one of"),
-        (("--algo", "sac", "--obs-type", "rgb"), "--algo must be ppo for pictures"),
-        (("--hyperparams", "none.yml"), "there is no file none.yml"),
-        (("--hyperparams", "damaged.yml"), "is not a YAML file"),
-        (("--hyperparams", "empty.yml"), "--env must have a section"),
-        (("--hyperparams", "wrong.yml"), "is not in RL-Zoo's format"),
-        (("--hyperparams", "unknown.yml"), "hyperparameters do not fit ppo"),
-        (("--steps", "0"), "--steps must be 1 or more"),
-        (("--eval-episodes", "0"), "--eval-episodes must be 1 or more"),
-        (("--name", "../outside"), "--name must be a folder's name"),
+        ("AirHockeyHit-v0: {", r"other\.yml"),
+        ("", r"--env .*other\.yml"),
+        ("AirHockeyHit-v0: {n_timesteps: many}", r"other\.yml.*many"),
+        ("AirHockeyHit-v0: {n_timesteps: 9, policy: MlpPolicy, tau: 0.1}", "ppo.*tau"),
     ],
 )
-def test_bad_arguments_write_nothing(
-    arguments: tuple[str, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("damaged.yml").write_text("AirHockeyHit-v0: {")
-    Path("empty.yml").write_text("")
-    Path("wrong.yml").write_text("AirHockeyHit-v0: {n_timesteps: many}")
-    Path("unknown.yml").write_text("AirHockeyHit-v0: {n_timesteps: 9, policy: MlpPolicy, tau: 0.1}")
-    monkeypatch.setattr(sys, "argv", ["train", *arguments])
-    with pytest.raises(SystemExit) as stop:
-        main()
-    assert message in str(stop.value.code)
-    assert not Path("runs").exists()
+def test_a_file_that_does_not_fit_writes_nothing(text: str, message: str, call: Call, tmp_path: Path) -> None:
+    (tmp_path / "other.yml").write_text(text)
+    assert re.search(message, call("train", "--hyperparams", "other.yml", fails=True))
+    assert not (tmp_path / "runs").exists()
 
 
 @pytest.mark.skipif(importlib.util.find_spec("rl_zoo3") is None, reason='needs the extra "zoo"')

@@ -1,0 +1,79 @@
+"""The interface between the trainer and its recipes: options, model, phases of training and evaluation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecEnv
+
+from agents.options import Count, OptionalCount
+from agents.training.runs import RunFolder
+from agents.training.stopping import Stop
+
+if TYPE_CHECKING:
+    from agents.training.league import League
+
+History = dict[str, Any]
+"""The records of a run in evaluations.json, see `checkpoints.HISTORY`."""
+
+
+@dataclass(frozen=True)
+class TrainArgs:
+    """The options of all training commands."""
+
+    name: str | None = None
+    """Write the run into runs/NAME/. The default name consists of the algorithm and the time."""
+    resume: str | None = None
+    """Continue this run (its folder, or its name under runs/) with its own options. Only --steps can be changed."""
+    steps: OptionalCount = None
+    """Train for this many environment steps in all, such as 20_000_000, 20M or 2e7. The default is 20 million for the
+    baseline, 30 million for self-play, the hyperparameters' n_timesteps, or with --resume the number of the run."""
+    seed: int = 0
+    """Seed the network, the exploration and the tables. Runs with different seeds share no random numbers."""
+    eval_every: OptionalCount = None
+    """Evaluate the agent and save a checkpoint every this many steps. The default is a tenth of --steps."""
+    eval_episodes: Count = 400
+    """Play this many episodes in an evaluation. A point is an episode."""
+    report_episodes: Count = 2000
+    """Play this many episodes for the report at the end; where there are opponents, against each named one."""
+    video_seconds: float = 20.0
+    """Record a video of this many seconds of the trained agent. With 0, there is no video."""
+    threads: int = 1
+    """Let PyTorch use this many threads. The networks are small, so a second thread does not help."""
+
+
+class Phase(NamedTuple):
+    """A part of training with its own tables."""
+
+    title: str  # a sentence, printed when the phase begins
+    purpose: str  # of the tables' random streams: one of `agents.seeding.PURPOSES`
+    env: VecEnv
+    callbacks: Sequence[BaseCallback] = ()
+
+
+class Setup(NamedTuple):
+    """A model and the functions that train, evaluate and show it."""
+
+    model: BaseAlgorithm
+    title: str  # the title of the picture
+    phases: Callable[[History], Iterator[Phase]]  # code after a `yield` runs when that phase is over
+    evaluate: Callable[[Stop], dict[str, Any]]  # plays and returns a row for the records
+    report: Callable[[History, Stop], list[dict[str, Any]]]  # plays, prints the results and returns them as rows
+    frames: Callable[[RunFolder], Iterator[NDArray[np.uint8]]]  # pictures (height, width, 3) for the video
+    league: League | None = None  # is saved and loaded with the model
+
+
+class Recipe(NamedTuple):
+    """The functions behind a training command."""
+
+    command: str  # the command's name under scripts/, which config.json keeps
+    args: type[TrainArgs]
+    resolve: Callable[[Any], Any]  # checks the options and replaces None by numbers, `steps` among them
+    build: Callable[[Any, bool], Setup]  # takes resolved options, and whether the run is new
+    evaluation: dict[str, Any]  # a row of `Setup.evaluate`, as a pattern of `read_json`
