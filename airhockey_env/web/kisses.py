@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 
 from airhockey_env.air_table import AirTable
 
+MOST = 200
+"""The most contacts of a tick that are described: the first ones."""
+
 _Floats = NDArray[np.float64]
 
 
@@ -37,7 +40,7 @@ def kisses(
     radii, masses, found = table.radii, table.masses, []
     if table.method != "continuous":  # the order in which they were resolved: pairs by number, then walls
         contacts = contacts[np.lexsort((contacts["nx"] == 0.0, contacts["b"], contacts["a"], contacts["b"] < 0))]
-    for contact in contacts:
+    for contact in contacts[:MOST]:
         a, b, time = int(contact["a"]), int(contact["b"]), float(contact["time"])
         normal = np.array([contact["nx"], contact["ny"]])
         if b >= 0:

@@ -18,7 +18,7 @@ TICKS = (0.004, 0.1)
 """Shortest and longest tick, s."""
 RADII = (0.01, 0.25)
 """Smallest and largest radius, m."""
-MASSES = (0.001, 1000.0)
+MASSES = (0.01, 100.0)
 """Smallest and largest mass, kg."""
 FASTEST = 100.0
 """Greatest component of a velocity, m/s."""

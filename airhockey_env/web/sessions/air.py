@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from airhockey_env.air_table import METHODS, AirTable
 from airhockey_env.web.fan import MOST_PUCKS as MOST_PUCKS_OF_A_FAN
@@ -29,8 +31,13 @@ PULL_SECONDS = 0.04
 """s in which a puck that is held would reach the pointer."""
 MOST_PULL = 10.0
 """m/s. Greatest component of the velocity of a puck that is held."""
+SLOW = 0.01
+"""s of work for a tick beyond which a scene is played in another thread: pucks that collapse, for example."""
 MOST_BOUND = 1e4
 """Numbers of a message are at most so large; what they may be is checked with the scene."""
+
+_Held = tuple[int, NDArray[np.float64]]
+"""A puck and the place, m, that it is pulled to."""
 
 
 class AirSession(Session):
@@ -128,7 +135,7 @@ class AirSession(Session):
             return _note(f"paths are fanned out for scenes of at most {MOST_PUCKS_OF_A_FAN} pucks")
         return lambda: encode({"type": "fan", "revision": str(self._revision), **fan(scene)}).encode()
 
-    def _edit(self, method: str, now: float, changed: Any) -> Answer:
+    def _edit(self, method: str, now: float, changed: Callable[[list[Puck]], list[Puck]]) -> Answer:
         """Change the pucks as they are on one table at present; all tables begin again with that."""
         table = self._present[method]
 
@@ -138,7 +145,7 @@ class AirSession(Session):
 
         return self._try(make, now)
 
-    def _try(self, make: Any, now: float) -> Answer:
+    def _try(self, make: Callable[[], Scene], now: float) -> Answer:
         try:
             self._show(make(), now)
         except ValueError as error:  # a mistake that anybody makes: nothing has changed
@@ -150,6 +157,7 @@ class AirSession(Session):
         self._scene, self._tables, self._revision = scene, tables, self._revision + 1
         self._starts = {method: table.positions.copy() for method, table in tables.items()}
         self._ticks, self._part, self._asked = 0, 0.0, now
+        self._slow = False
         self._turned: int | None = None
         self._returned: list[float] | None = None
 
@@ -167,7 +175,7 @@ class AirSession(Session):
             "restitution": scene.restitution,
             "wall_restitution": scene.wall_restitution,
             "phase": scene.phase,
-            **self._state_fields(0.0, []),
+            **self._state_fields(self._asked, []),
         }
 
     # Time -------------------------------------------------------------------------------------------------------
@@ -175,6 +183,10 @@ class AirSession(Session):
     def _set_speed(self, message: Message, now: float) -> Answer:
         self._speed = message.number("speed", 0.0, MOST_SPEED)
         return None
+
+    def _played(self, play: Callable[[], dict[str, Any]]) -> Answer:
+        """What a function that plays ticks returns, or that function where it takes long."""
+        return (lambda: encode(play()).encode()) if self._slow else play()
 
     def _turn(self, message: Message, now: float) -> Answer:
         scene, held = self._shown, None
@@ -186,6 +198,9 @@ class AirSession(Session):
         message.finish()
         elapsed = min(now - self._asked, MOST_BEHIND) * self._speed
         self._asked = now
+        return self._played(lambda: self._advance(scene, elapsed, held, now))
+
+    def _advance(self, scene: Scene, elapsed: float, held: _Held | None, now: float) -> dict[str, Any]:
         contacts: list[dict[str, Any]] = []
         ends = time.perf_counter() + self.limits.answer_seconds
         self._part += elapsed
@@ -202,6 +217,9 @@ class AirSession(Session):
         message.finish()
         scene = self._shown
         self._asked, self._part = now, 0.0
+        return self._played(lambda: self._play_steps(scene, until_contact, now))
+
+    def _play_steps(self, scene: Scene, until_contact: bool, now: float) -> dict[str, Any]:
         ends = time.perf_counter() + self.limits.answer_seconds
         contacts = self._play_tick(scene, None)
         while until_contact and not contacts and time.perf_counter() < ends:
@@ -217,8 +235,8 @@ class AirSession(Session):
         self._turned = self._ticks if self._turned is None else None
         return None
 
-    def _play_tick(self, scene: Scene, held: Any) -> list[dict[str, Any]]:
-        contacts = []
+    def _play_tick(self, scene: Scene, held: _Held | None) -> list[dict[str, Any]]:
+        contacts, began = [], time.perf_counter()
         for table in self._tables.values():
             if held is not None:
                 number, place = held
@@ -230,6 +248,7 @@ class AirSession(Session):
                 new = kisses(table, positions, velocities, scene.tick, touched)[-MOST_CONTACTS:]
                 contacts += [{"time": since + kiss["contact_time"], **kiss} for kiss in new]
         self._ticks += 1
+        self._slow = self._slow or time.perf_counter() - began > SLOW
         if self._turned is not None and self._ticks == 2 * self._turned:
             self._returned = [
                 float(np.hypot(*(table.positions - self._starts[method]).T).max())
@@ -238,7 +257,7 @@ class AirSession(Session):
             self._speed, self._turned = 0.0, None
         return contacts
 
-    def _state(self, now: float, contacts: list[dict[str, Any]]) -> Answer:
+    def _state(self, now: float, contacts: list[dict[str, Any]]) -> dict[str, Any]:
         return {"type": "state", "notice": str(self._revision), **self._state_fields(now, contacts)}
 
     def _state_fields(self, now: float, contacts: list[dict[str, Any]]) -> dict[str, Any]:
