@@ -18,6 +18,8 @@ return [box.left + box.width / 2 + x * scale, box.top + box.height / 2 - y * sca
 """
 """The pixel of the page for a place, m, on a table that lies."""
 
+CLOCK = "return document.querySelector('.chosen output').textContent"
+
 
 def begin(browser: Browser, address: str, scene: str) -> None:
     """Open a scene and let it stand still at its start."""
@@ -40,14 +42,21 @@ def shown_scene(browser: Browser) -> Scene:
     return Scene.parse(browser.run("return decodeURIComponent(location.hash.slice(1))"))
 
 
-def drag(browser: Browser, *path: tuple[float, float], method: str = "continuous") -> None:
+def mouse(browser: Browser, kind: str, *place: float, method: str = "continuous") -> None:
+    """Press, move or release the mouse at a place of a table, m."""
+    x, y = browser.run(PLACE, f"table-{method}", *place, *SIZE)
+    browser.driver.execute_cdp_cmd(
+        "Input.dispatchMouseEvent",
+        {"type": f"mouse{kind}", "x": x, "y": y, "button": "left", "buttons": 1, "clickCount": 1},
+    )
+
+
+def drag(browser: Browser, *path: tuple[float, float]) -> None:
     """Drag the mouse over places of a table, m."""
-    places = [browser.run(PLACE, f"table-{method}", *place, *SIZE) for place in path]
-    kinds = ["mousePressed", *["mouseMoved"] * (len(places) - 1), "mouseReleased"]
-    for kind, (x, y) in zip(kinds, [*places, places[-1]], strict=True):
-        browser.driver.execute_cdp_cmd(
-            "Input.dispatchMouseEvent", {"type": kind, "x": x, "y": y, "button": "left", "buttons": 1, "clickCount": 1}
-        )
+    mouse(browser, "Pressed", *path[0])
+    for place in path[1:]:
+        mouse(browser, "Moved", *place)
+    mouse(browser, "Released", *path[-1])
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -59,7 +68,7 @@ def test_the_numbers_on_the_page_are_the_engines(method: str, browser: Browser, 
         "document.querySelector(`#table-${arguments[0]}`).closest('figure').querySelector('button').click()", method
     )
     browser.click("contact")
-    browser.wait(lambda: browser.text("number-tick") != "–", "no contact")
+    browser.wait(lambda: browser.text("number-tick").endswith("ms"), "no contact")
     _, exact = engine_contact(scene, "continuous")
     _, approximate = engine_contact(scene, "overlap")
     _, used = engine_contact(scene, method)
@@ -72,7 +81,7 @@ def test_the_numbers_on_the_page_are_the_engines(method: str, browser: Browser, 
     assert browser.text("number-penetration_time") in browser.text("said")  # for those who do not see the picture
 
 
-def test_a_puck_is_moved_aimed_and_thrown(browser: Browser, address: str) -> None:
+def test_a_puck_is_moved_and_aimed(browser: Browser, address: str) -> None:
     begin(browser, address, "scene=pool_shot")
     drag(browser, (0.0, 0.0), (0.2, -0.1), (0.4, -0.3))
     browser.wait(lambda: abs(shown_scene(browser).pucks[1].x - 0.4) < 0.01, "it is not moved")
@@ -81,10 +90,20 @@ def test_a_puck_is_moved_aimed_and_thrown(browser: Browser, address: str) -> Non
     browser.choose("drag", "velocity")
     drag(browser, (0.4, -0.3), (0.4, -0.2), (0.4, -0.14))
     browser.wait(lambda: abs(shown_scene(browser).pucks[1].vy - 2.0) < 0.2, "it is not aimed")
-    browser.click("run")
-    x, y = browser.run("return window.state.positions[1]")
-    drag(browser, (x, y), (x, y))
-    browser.wait(lambda: browser.run("return window.state.playing"), "it does not run")
+
+
+def test_a_puck_is_grabbed_and_thrown_while_time_runs(browser: Browser, address: str) -> None:
+    browser.open(f"{address}/air#pucks=0,0,0,0,0.1,1")
+    browser.wait(lambda: browser.run("return window.state?.playing"), "time does not run")
+    mouse(browser, "Pressed", 0.0, 0.0)
+    mouse(browser, "Moved", 0.3, 0.2)
+    browser.wait(
+        lambda: np.allclose(browser.run("return window.state.positions"), [[0.3, 0.2]] * 3, atol=0.01), "it is not held"
+    )
+    mouse(browser, "Moved", -0.3, 0.2)
+    mouse(browser, "Released", -0.3, 0.2)
+    browser.wait(lambda: browser.run("return window.state.positions[0][0]") < -0.5, "it does not fly on")
+    browser.wait(lambda: browser.run("return window.state.positions[0][0]") > 0.0, "it does not bounce", 60.0)
 
 
 def test_pucks_are_changed_with_the_keyboard_and_the_fields(browser: Browser, address: str) -> None:

@@ -224,7 +224,7 @@ class AirSession(Session):
         contacts = self._play_tick(scene, None)
         while until_contact and not contacts and time.perf_counter() < ends:
             contacts = self._play_tick(scene, None)
-        return self._state(now, contacts)
+        return {**self._state(now, contacts), "sought": until_contact}
 
     def _reverse(self, message: Message, now: float) -> Answer:
         """Turn the time round: every puck goes back the way it came, as far as the method can."""

@@ -133,16 +133,12 @@ function take(state) {
   log.splice(0, Math.max(0, log.length - 300));
   if (state.contacts.length) {
     showContact();
-    searches = 0;
     if (!running) {
       note(ContactPanel.sentence(state.contacts.find(({ method }) => method === lane.method) ?? state.contacts[0]));
     }
-  } else if (searches > 1) {
+  } else if (state.sought) {
     searches -= 1;
-    search();
-  } else if (searches === 1) {
-    searches = 0;
-    note("No pucks touch for a long time");
+    searches > 0 ? search() : note("No pucks touch for a long time");
   }
   if (state.returned && !before?.returned) {
     setRunning(false);
