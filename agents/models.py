@@ -111,7 +111,7 @@ def in_one_game(player: Player) -> Policy | str:
     return ModelPolicy(player) if isinstance(player, ModelPlayer) else player
 
 
-def join(game: Game, *players: Policy | str) -> None:
+def join(game: Game, *players: Any) -> None:
     """Let players that `in_one_game` returned play in this game."""
     for player in players:
         if isinstance(player, ModelPolicy):

@@ -47,7 +47,7 @@ TableName = Annotated[str, tyro.conf.arg(help=f"Play on this table preset: {list
 Trust = Annotated[
     bool,
     tyro.conf.arg(
-        help="Load a model.zip even where that means to unpickle objects in it. Unpickling can run any code, so use "
+        help="Load a model.zip even if objects in it have to be unpickled. Unpickling can run any code, so use "
         "this only with files from people you trust."
     ),
 ]
@@ -109,7 +109,7 @@ def check_ranges(args: Any, **ranges: tuple[float, float]) -> None:
     """
     for field, (least, greatest) in ranges.items():
         if getattr(args, field) is not None:
-            check_number(option_name(field), getattr(args, field), least, min(greatest, MOST))
+            check_number(option_name(field), getattr(args, field), least, min(greatest, float(MOST)))
 
 
 def not_default(args: Any) -> list[str]:

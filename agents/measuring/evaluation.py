@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from agents.models import ModelPolicy, Player, in_one_game, join
 from agents.seeding import table_seeds
+from airhockey_env.checks import check_number
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT, RIGHT, SEATS
 from airhockey_env.kernel.tasks import TASKS
-from airhockey_env.opponents.players import NAMES
+from airhockey_env.opponents.players import NAMES, resolve_player
 
 Observer = Callable[[Game, int], Callable[[NDArray[np.bool_]], None]]
 """Observer factory: receives the game, before its first step, and the seat (LEFT or RIGHT) of the evaluated player, and
@@ -166,7 +167,11 @@ def play_points(
         raise ValueError(f"points must be 1 or more, got {points}")
     if name is None:
         name = opponent if isinstance(opponent, str) else "a policy"
-    players = in_one_game(policy), in_one_game(opponent)
+    opponent_skill = check_number("opponent_skill", opponent_skill, 0.0, 1.0)
+    players = (
+        resolve_player("policy", in_one_game(policy)),
+        resolve_player("opponent", in_one_game(opponent)),
+    )
     half, at_once = (points + 1) // 2, _at_once(*players)
     seeds = table_seeds(purpose, seed, 2 * half, TASKS["point"].number)
     wins = losses = draws = steps = 0
@@ -241,7 +246,7 @@ def play_task(
     if episodes < 1:
         raise ValueError(f"episodes must be 1 or more, got {episodes}")
     seeds = table_seeds(purpose, seed, episodes, TASKS[task].number)
-    player = in_one_game(policy)
+    player = resolve_player("policy", in_one_game(policy))
     at_once = _at_once(player)
     successes = failures = timeouts = steps = 0
     with tqdm(total=episodes, unit="episode", desc=task, delay=2.0, leave=False, disable=None) as bar:

@@ -100,10 +100,10 @@ class TestPlayPoints:
     @pytest.mark.parametrize(
         ("arguments", "message"),
         [
-            ({"opponent": "nobody"}, "opponent must be one of"),
-            ({"policy": "nobody"}, "player must be one of"),
-            ({"points": 0}, "points must be 1 or more"),
-            ({"opponent_skill": 1.5}, "opponent_skill must be a number from 0"),
+            ({"opponent": "nobody"}, r"^opponent .*nobody"),
+            ({"policy": "nobody"}, r"^policy .*nobody"),
+            ({"points": 0}, "^points "),
+            ({"opponent_skill": 1.5}, r"^opponent_skill .*1\.5"),
             ({"table": "billiards"}, "table must be one of"),
         ],
     )
@@ -146,7 +146,7 @@ class TestPlayTask:
 
     @pytest.mark.parametrize(
         ("arguments", "message"),
-        [({"task": "point"}, "task must be one of"), ({"episodes": 0}, "episodes must be 1 or more")],
+        [({"task": "point"}, "^task "), ({"episodes": 0}, "^episodes "), ({"policy": "nobody"}, "^policy ")],
     )
     def test_bad_arguments(self, arguments: dict, message: str) -> None:
         with pytest.raises(ValueError, match=message):

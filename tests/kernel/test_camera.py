@@ -176,10 +176,12 @@ def test_the_age_of_what_is_seen_is_the_delay_and_the_wait_for_a_frame() -> None
     assert np.ptp(found) > 5
 
 
-def test_jitter_is_drawn_for_each_frame() -> None:
-    found = ages(Camera(camera_hz=240, delay_ms=30, jitter_ms=25), 240, 400)[50:]
-    assert found.min() > 5 - 1e-2 and found.max() < 55 + 1000 / 240 + 1e-2
-    assert np.ptp(found) > 20 and len(np.unique(found.round(1))) > 5
+def test_jitter_is_drawn_evenly_for_each_frame() -> None:
+    found = ages(Camera(camera_hz=20, delay_ms=30, jitter_ms=25), 240, 400)
+    drawn = found[1:][np.diff(found) < 0.0]  # of frames that arrive, rounded up to steps of 4.2 ms
+    assert len(drawn) > 25
+    assert 5 < drawn.min() < 12 and 50 < drawn.max() < 60 and drawn.mean() == pytest.approx(32, abs=5)
+    ages(Camera(camera_hz=240, delay_ms=30, jitter_ms=25), 240, 400)  # many would overtake others
 
 
 def test_noise_is_gaussian_in_mm() -> None:

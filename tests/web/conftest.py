@@ -6,7 +6,6 @@ import contextlib
 import math
 import os
 import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -14,10 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from gymnasium.error import DependencyNotInstalled
 
 from airhockey_env.live import LiveMatch
+from benchmarks.web.browser import Browser, open_chromium
 from tests.helpers import ROOT
-from tests.web.browser import Browser
 
 Serve = Callable[..., str]
 """The fixture `serve`: from a command line to the address that the server prints."""
@@ -58,17 +58,10 @@ def address(serve: Serve) -> str:
 @pytest.fixture(scope="session")
 def driver() -> Iterator[Any]:
     """A headless Chromium."""
-    webdriver = pytest.importorskip("selenium.webdriver", reason="needs selenium")
-    chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    chromedriver = shutil.which("chromedriver")
-    if chromium is None or chromedriver is None:
-        pytest.skip("needs Chromium and its driver: apt-get install chromium chromium-driver")
-    options = webdriver.ChromeOptions()
-    options.binary_location = chromium
-    for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--hide-scrollbars"):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(chromedriver))
+    try:
+        driver = open_chromium()
+    except DependencyNotInstalled as error:
+        pytest.skip(str(error))
     yield driver
     driver.quit()
 

@@ -14,7 +14,7 @@ from airhockey_env.drawing.palette import COLORS
 from airhockey_env.opponents.trained import trained_policy
 from airhockey_env.replay import Replay, play_back
 from airhockey_env.tables import FULL_SIZE
-from tests.web.browser import Browser
+from benchmarks.web.browser import Browser
 from tests.web.conftest import Serve
 
 PAGES = ("/", "/watch", "/air")

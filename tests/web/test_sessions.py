@@ -211,11 +211,11 @@ def test_a_run_is_watched_while_its_policy_changes(tmp_path: Path) -> None:
         assert ask("turn", 10.0 + k / 10)["written"] == state["written"]  # the last one that can be read goes on
 
 
-def test_sound_reports_are_few_at_high_speed() -> None:
+def test_answers_are_short_at_high_speed() -> None:
     ask = watch(left="striker", right="striker", points=99, speed=100.0)
     for k in range(20):
-        kinds = [event[0] for event in ask("turn", 2.0 + k / 10)["events"]]
-        assert len(kinds) == len(set(kinds))
+        state = ask("turn", 2.0 + k / 10, contacts=True)
+        assert len(state["events"]) <= 20 and len(state["contacts"]) <= 200
 
 
 def test_a_policy_is_replaced_only_where_one_plays() -> None:

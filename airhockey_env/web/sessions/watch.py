@@ -21,6 +21,8 @@ MOST_BEHIND = 0.1
 """s on the wall for which a page may not have asked; after a longer time, the match goes on from where it was."""
 MOST_CONTACTS = 200
 """The most contacts that an answer holds: the last ones."""
+MOST_EVENTS = 20
+"""The most events that an answer holds: the last ones."""
 LOOK_SECONDS = 1.0
 """s between two looks whether a run has a new policy."""
 
@@ -104,7 +106,12 @@ class WatchSession(Session):
             contacts += match.contacts
             if self._time >= goal or time.perf_counter() > ends:
                 break
-        state = {"type": "state", "time": round(now, 4), "elapsed": match.elapsed, **state_of(match, _few(events))}
+        state = {
+            "type": "state",
+            "time": round(now, 4),
+            "elapsed": match.elapsed,
+            **state_of(match, events[-MOST_EVENTS:]),
+        }
         if with_contacts:
             state["contacts"] = contacts[-MOST_CONTACTS:]
         if self._run is not None:
@@ -116,12 +123,3 @@ class WatchSession(Session):
         if self._match is None:
             raise Refused("there is no match: start one first")
         return self._match
-
-
-def _few(events: list[Event]) -> list[Event]:
-    """Of each kind of event the strongest: more are not heard."""
-    strongest: dict[str, Event] = {}
-    for event in events:
-        if event.kind not in strongest or event.strength > strongest[event.kind].strength:
-            strongest[event.kind] = event
-    return list(strongest.values())

@@ -5,7 +5,6 @@ import { byId, capital, everyPicture, seconds, setOptions } from "./page.js";
 import { Playout } from "./playout.js";
 import { RunCurves } from "./run.js";
 import { drawShotClock } from "./shot_clock.js";
-import { Sounds } from "./sounds.js";
 import { Table } from "./table.js";
 import { playBack } from "./trajectory.js";
 import { Turns } from "./turns.js";
@@ -26,7 +25,6 @@ const NOTICES = {
 const connection = new Connection("watch");
 const playout = new Playout();
 const marks = new Marks();
-const sounds = new Sounds();
 const turns = new Turns(ask);
 const canvas = byId("table");
 const view = new View(canvas, () => table?.prepare());
@@ -85,9 +83,6 @@ connection.on("state", (state) => {
   playout.push(state, now);
   turns.answered(now);
   marks.add(state.contacts ?? []);
-  if (replay === null) {
-    sounds.play(state.events, match.table.length);
-  }
 });
 
 connection.on("end", ({ reason }) => {
@@ -140,9 +135,6 @@ byId("speed").addEventListener("input", () => {
   byId("speed-shown").textContent = `× ${Number((10 ** Number(byId("speed").value)).toPrecision(2))}`;
   connection.send("speed", { speed: speed() });
 });
-byId("sound").addEventListener("change", (event) => {
-  sounds.on = event.target.checked;
-});
 document.addEventListener("keydown", (event) => {
   if (event.target.closest("input, select, button")) {
     return;
@@ -167,7 +159,7 @@ async function openReplay(file) {
   }
   hush();
   table.show(replay.table);
-  name("you", replay.opponent ?? "opponent");
+  name("left", replay.opponent ?? "right");
   byId("timeline").hidden = false;
   byId("scrubber").max = replay.seconds;
   byId("said").textContent = `A replay of ${clockTime(replay.seconds)} minutes, played back to the bit`;

@@ -1,13 +1,46 @@
-"""A page in a browser, as a person uses it."""
+"""Chromium without a screen, and a page in it as a person uses it. The tests of the pages use it too."""
 
 from __future__ import annotations
 
+import base64
 import json
+import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
+
+from gymnasium.error import DependencyNotInstalled
+
+CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
+"""Names of the program."""
+
+
+def open_chromium(*arguments: str) -> Any:
+    """Start Chromium; the driver of selenium.
+
+    Args:
+        arguments: of its command line.
+
+    Raises:
+        DependencyNotInstalled: selenium, Chromium or its driver are missing.
+    """
+    try:
+        from selenium import webdriver
+    except ImportError as error:
+        raise DependencyNotInstalled('a browser is driven by selenium: pip install -e ".[dev]"') from error
+    chromium = next(filter(None, map(shutil.which, CHROMIUM)), None)
+    chromedriver = shutil.which("chromedriver")
+    if chromium is None or chromedriver is None:
+        raise DependencyNotInstalled("Chromium and its driver are needed: apt-get install chromium chromium-driver")
+    options = webdriver.ChromeOptions()
+    options.binary_location = chromium
+    for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--hide-scrollbars", *arguments):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    return webdriver.Chrome(options=options, service=webdriver.ChromeService(chromedriver))
+
 
 SPY = """
 window.sockets = [];
@@ -22,7 +55,7 @@ window.WebSocket = class extends WebSocket {
   }
 };
 """
-"""Runs before the page's own scripts: tests see its sockets and the last state that it was sent."""
+"""Runs before the page's own scripts: its sockets, and the last state that it was sent, can be seen then."""
 
 
 class Browser:
@@ -126,6 +159,10 @@ class Browser:
         """The file that is being downloaded."""
         return self.wait(lambda: next(self.downloads.glob("*.npz"), None), "no download")
 
+    def picture(self) -> bytes:
+        """A picture of the page, as of a .png file."""
+        return base64.b64decode(self._devtools("Page.captureScreenshot", format="png")["data"])
+
     # What nobody may see ----------------------------------------------------------------------------------------
 
     def forget(self) -> None:
@@ -153,5 +190,5 @@ class Browser:
             if urlsplit(url).scheme not in ("data", "blob", "about", "chrome"):
                 self._hosts.add(urlsplit(url).netloc)
 
-    def _devtools(self, command: str, **arguments: object) -> None:
-        self.driver.execute_cdp_cmd(command, arguments)
+    def _devtools(self, command: str, **arguments: object) -> Any:
+        return self.driver.execute_cdp_cmd(command, arguments)
