@@ -82,6 +82,13 @@ class Message:
             raise Refused(f"{name} must be one of {', '.join(options)}; got {_shown(value)}")
         return value
 
+    def text(self, name: str, longest: int) -> str:
+        """A text of at most so many characters."""
+        value = self._take(name, _REQUIRED)
+        if not isinstance(value, str) or len(value) > longest:
+            raise Refused(f"{name} must be a text of at most {longest} characters, got {_shown(value)}")
+        return value
+
     def flag(self, name: str, default: bool = _REQUIRED) -> bool:
         """True or false."""
         value = self._take(name, default)
