@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.web.browser import Browser
 
 from airhockey_env.air_table import METHODS
 from airhockey_env.web.scenes import SCENES, SIZE, Scene
-from tests.web.browser import Browser
 from tests.web.test_air import engine_contact
 
 PLACE = """
