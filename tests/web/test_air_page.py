@@ -7,7 +7,7 @@ import pytest
 
 from airhockey_env.air_table import METHODS
 from airhockey_env.web.scenes import SCENES, SIZE, Scene
-from tests.web.browser import Browser
+from benchmarks.web.browser import Browser
 from tests.web.test_air import engine_contact
 
 PLACE = """
