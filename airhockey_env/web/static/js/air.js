@@ -472,7 +472,7 @@ function fill() {
 
 function captions() {
   for (const one of lanes) {
-    const spread = paths && byId("fan").checked ? `ends up to ${distance(paths.spread[one.method])} apart` : "";
+    const spread = paths && byId("fan").checked ? `paths end up to ${distance(paths.spread[one.method])} apart` : "";
     const time = newest && one === lane ? `${newest.elapsed.toFixed(3)} s` : "";
     one.output.textContent = [spread, time].filter(Boolean).join(" · ");
   }

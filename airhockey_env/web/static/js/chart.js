@@ -80,10 +80,11 @@ export class Chart {
       [low, high] = [low - 0.5, high + 0.5];
     }
     const most = Math.max(this.goal, ...this.lines.flatMap(({ points }) => points.map((p) => p[0])), 1);
-    const [left, right, top, bottom] = [40, width - 8, 6, height - 18];
+    const size = 0.7 * parseFloat(getComputedStyle(document.documentElement).fontSize);
+    const [left, right, top, bottom] = [3.6 * size, width - 8, 6, height - 1.7 * size];
     const x = (value) => left + ((right - left) * value) / most;
     const y = (value) => bottom - ((bottom - top) * (value - low)) / (high - low);
-    context.font = `11px ${style.fontFamily}`;
+    context.font = `${size}px ${style.fontFamily}`;
     context.fillStyle = color("--quiet");
     context.strokeStyle = color("--line");
     context.textBaseline = "middle";
@@ -98,7 +99,7 @@ export class Chart {
     context.textAlign = "center";
     context.textBaseline = "top";
     for (const value of ticks(0, most, 4)) {
-      context.fillText(short(value), Math.min(x(value), right - 12), bottom + 5);
+      context.fillText(short(value), Math.min(x(value), right - size), bottom + 5);
     }
     this.lines.forEach(({ points, bands }, k) => {
       context.strokeStyle = context.fillStyle = color(COLORS[k % COLORS.length]);
