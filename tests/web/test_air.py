@@ -265,6 +265,15 @@ def test_pucks_and_contacts_are_bounded() -> None:
     assert len(answer["contacts"]) <= 12 and len(json.dumps(answer)) < 20_000
 
 
+@pytest.mark.parametrize(
+    "scene", [replace(POOL, restitution=0.5), Scene((Puck(0.0, 0.0, mass=0.1), Puck(0.5, 0.0, mass=100.0)))]
+)
+def test_scenes_that_may_have_many_contacts_hold_up_nobody(scene: Scene) -> None:
+    ask = session("air")
+    ask("start", 0.0, scene=scene.text)
+    assert isinstance(ask("step", 0.0), bytes) and isinstance(ask("turn", 0.0), bytes)  # from another thread
+
+
 def test_scenes_with_slow_ticks_are_played_in_another_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("airhockey_env.web.sessions.air.SLOW", -1.0)
     ask = session("air")

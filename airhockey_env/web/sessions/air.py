@@ -32,7 +32,7 @@ PULL_SECONDS = 0.04
 MOST_PULL = 10.0
 """m/s. Greatest component of the velocity of a puck that is held."""
 SLOW = 0.01
-"""s of the processor for a tick after which the next ones are played in another thread: pucks that collapse, say."""
+"""s of the processor for a tick after which the next ones are played in another thread."""
 MOST_BOUND = 1e4
 """Numbers of a message are at most so large; what they may be is checked with the scene."""
 
@@ -187,7 +187,8 @@ class AirSession(Session):
 
     def _played(self, play: Callable[[], dict[str, Any]]) -> Answer:
         """What a function that plays ticks returns, or that function where it takes long."""
-        return (lambda: encode(play()).encode()) if self._slow else play()
+        long = self._slow or self._shown.many_contacts
+        return (lambda: encode(play()).encode()) if long else play()
 
     def _turn(self, message: Message, now: float) -> Answer:
         scene, held = self._shown, None
