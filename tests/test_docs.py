@@ -106,7 +106,8 @@ def apply(diff: str, root: Path) -> None:
 
 
 CHECK = """
-assert abs(earned[1] - earned[0] - 0.01 * 0.1 / 350) < 1e-12, earned  # the potential knows the shot clock
+expected = 0.01 * 0.1 * 0.3 / (0.5 * env.unwrapped.table.width)  # (0.99 - 1) times what the potential is lower
+assert abs(earned[1] - earned[0] - expected) < 1e-12, earned
 
 env = gym.make("AirHockey-v0", opponent="chaser").unwrapped
 env.reset(seed=0, options={"serve": "right"})

@@ -68,6 +68,16 @@ def _faster(discs, a, b, best):
     return dx * vx + dy * vy < ox * ux + oy * uy
 
 
+@inlined
+def reaches_edge(x, y, vx, vy, radius, surface, time):
+    """Whether a disc starts beyond where it would touch an edge, or is there after `time` seconds.
+
+    Most discs are far from all edges; only these have to be asked more closely.
+    """
+    reach_x, reach_y = surface.half_length - radius, surface.half_width - radius
+    return abs(x) > reach_x or abs(x + vx * time) > reach_x or abs(y + vy * time) > reach_y
+
+
 @compiled
 def _earlier_edge(x, y, vx, vy, radius, surface, a, best):
     """Return the earlier of `best` and the first kiss of disc a with a wall, a post or a goal line."""
@@ -163,9 +173,6 @@ def next_kiss(discs, surface, horizon, near):
                 b = k if whole else near.partner[k]
                 if inverse_mass[a] + inverse_mass[b] != 0.0:
                     best = _earlier_pair(discs, a, b, best)
-        # Most discs are far from all edges: only check those that start or end beyond where they would touch one.
-        reach_x, reach_y = surface.half_length - radius[a], surface.half_width - radius[a]
-        by_edge = abs(x) > reach_x or abs(x + vx * best.time) > reach_x or abs(y + vy * best.time) > reach_y
-        if by_edge and inverse_mass[a] > 0.0:
+        if inverse_mass[a] > 0.0 and reaches_edge(x, y, vx, vy, radius[a], surface, best.time):
             best = _earlier_edge(x, y, vx, vy, radius[a], surface, a, best)
     return best

@@ -47,13 +47,12 @@ def fly(discs, time):
 
 
 @inlined
-def glide(discs, a, p, q, r, s, greatest):
-    """Decelerate disc a with the given coefficients, and limit its speed to `greatest` m/s."""
-    vx, vy = discs.velocity[a, 0], discs.velocity[a, 1]
+def glide(vx, vy, p, q, r, s, greatest):
+    """A disc's velocity after it decelerates with the given coefficients, at most `greatest` m/s."""
     speed = math.sqrt(vx * vx + vy * vy)
     if speed > 0.0:
         share = max(0.0, p * speed - q) / ((r * speed + s) * speed)
         if share * speed > greatest:
             share = greatest / speed
-        discs.velocity[a, 0] = vx * share
-        discs.velocity[a, 1] = vy * share
+        return vx * share, vy * share
+    return vx, vy

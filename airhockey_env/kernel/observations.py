@@ -48,6 +48,19 @@ def view_of(state, player):
 
 
 @inlined
+def view_at(block, k, player):
+    """The same of table k of a block."""
+    s = 1.0 if player == LEFT else -1.0
+    other = RIGHT if player == LEFT else LEFT
+    p, v = block.position, block.velocity
+    return View(
+        s * p[player, 0, k], s * p[player, 1, k], s * v[player, 0, k], s * v[player, 1, k],
+        s * p[other, 0, k], s * p[other, 1, k], s * v[other, 0, k], s * v[other, 1, k],
+        s * p[PUCK, 0, k], s * p[PUCK, 1, k], s * v[PUCK, 0, k], s * v[PUCK, 1, k],
+    )  # fmt: skip
+
+
+@inlined
 def _share(value, scale):
     """The share of a scale. Zero has no sign in it: it would be all that tells the two sides apart."""
     return value * scale + 0.0
@@ -56,19 +69,16 @@ def _share(value, scale):
 @inlined
 def observe(state, params, player, out, i):
     """Write a player's observation of table i to `out`, (2, N, 13) float32; see `AirHockeyEnv`."""
+    # All is read before anything is written: so the compiler can write several numbers at once.
     view = view_of(state, player)
-    out[player, i, 0] = _share(view.x, params.per_x)
-    out[player, i, 1] = _share(view.y, params.per_y)
-    out[player, i, 2] = _share(view.vx, params.per_paddle)
-    out[player, i, 3] = _share(view.vy, params.per_paddle)
-    out[player, i, 4] = _share(view.other_x, params.per_x)
-    out[player, i, 5] = _share(view.other_y, params.per_y)
-    out[player, i, 6] = _share(view.other_vx, params.per_paddle)
-    out[player, i, 7] = _share(view.other_vy, params.per_paddle)
-    out[player, i, 8] = _share(view.puck_x, params.per_x)
-    out[player, i, 9] = _share(view.puck_y, params.per_y)
-    out[player, i, 10] = _share(view.puck_vx, params.per_puck)
-    out[player, i, 11] = _share(view.puck_vy, params.per_puck)
+    x, y, paddle, puck = params.per_x, params.per_y, params.per_paddle, params.per_puck
     own_side = state.side < 0 if player == LEFT else state.side > 0
     used = state.clock * params.per_clock
-    out[player, i, 12] = used if own_side else 0.0 - used
+    row = out[player, i]
+    row[0], row[1] = _share(view.x, x), _share(view.y, y)
+    row[2], row[3] = _share(view.vx, paddle), _share(view.vy, paddle)
+    row[4], row[5] = _share(view.other_x, x), _share(view.other_y, y)
+    row[6], row[7] = _share(view.other_vx, paddle), _share(view.other_vy, paddle)
+    row[8], row[9] = _share(view.puck_x, x), _share(view.puck_y, y)
+    row[10], row[11] = _share(view.puck_vx, puck), _share(view.puck_vy, puck)
+    row[12] = used if own_side else 0.0 - used

@@ -12,21 +12,21 @@ from airhockey_env.kernel.state import LEFT
 def _within(place, velocity, low, high, tick):
     """`velocity` along one axis, changed so that the tick ends between low and high."""
     after = place + velocity * tick
-    if after > high:
-        return (high - place) / tick
-    if after < low:
-        return (low - place) / tick
-    return velocity
+    if low <= after <= high:
+        return velocity
+    return ((high if after > high else low) - place) / tick
 
 
 @inlined
-def drive(state, params, player, ax, ay):
-    """Give a player's paddle its velocity for the coming tick.
+def drive(x, y, vx, vy, ax, ay, radius, player, params):
+    """The velocity of a player's paddle for the coming tick, (x, y) m/s.
 
     Args:
-        player: LEFT or RIGHT.
+        x, y, vx, vy: where the paddle is and how it moves now, m and m/s.
         ax, ay: target velocity as a share of the greatest speed, as the player sees it (the right-hand player sees
             the table turned by 180 degrees). Clipped to [-1, 1] each, then to a length of 1.
+        radius: m, the paddle's.
+        player: LEFT or RIGHT.
 
     The velocity moves towards the target by at most the greatest acceleration, and is then cut so that the paddle
     ends the tick on its own half and off the walls.
@@ -38,16 +38,13 @@ def drive(state, params, player, ax, ay):
     scale = forward * params.paddle_speed
     if length2 > 1.0:
         scale /= math.sqrt(length2)
-    vx, vy = state.velocity[player, 0], state.velocity[player, 1]
     dvx, dvy = ax * scale - vx, ay * scale - vy
     change2 = dvx * dvx + dvy * dvy
     if change2 > params.paddle_step * params.paddle_step:
         share = params.paddle_step / math.sqrt(change2)
         dvx *= share
         dvy *= share
-    radius = params.radius[player]
     near, far = radius, params.half_length - radius
     low, high = (-far, -near) if player == LEFT else (near, far)
     side = params.half_width - radius
-    state.velocity[player, 0] = _within(state.position[player, 0], vx + dvx, low, high, params.tick)
-    state.velocity[player, 1] = _within(state.position[player, 1], vy + dvy, -side, side, params.tick)
+    return _within(x, vx + dvx, low, high, params.tick), _within(y, vy + dvy, -side, side, params.tick)

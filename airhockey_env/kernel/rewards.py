@@ -10,8 +10,7 @@ from __future__ import annotations
 import math
 
 from airhockey_env.compiled import inlined
-from airhockey_env.kernel.observations import view_of
-from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
+from airhockey_env.kernel.state import PUCK
 
 SHAPING_DISCOUNT = 0.99
 
@@ -20,12 +19,11 @@ PROGRESS, SPEED, DISTANCE = 0.2, 0.4, 0.2
 
 
 @inlined
-def potential(state, params, player):
-    """How promising the table is for `player` (LEFT or RIGHT), about -1 to 1.
+def potential(view, params, player):
+    """How promising the table is for `player` (LEFT or RIGHT), whose `View` this is: about -1 to 1.
 
     A puck far forward and flying forward is good; and while it is on the own side, so is a paddle close behind it.
     """
-    view = view_of(state, player)
     progress = view.puck_x / params.half_length
     speed = view.puck_vx / params.puck_speed
     behind_x = view.puck_x - 1.5 * (params.radius[player] + params.radius[PUCK]) - view.x
@@ -36,27 +34,6 @@ def potential(state, params, player):
 
 
 @inlined
-def potentials(state, params, settings):
-    """The potentials that the shaping terms of the coming step start from: (left, right), 0 where none are needed."""
-    left = potential(state, params, LEFT) if settings.shaped and settings.observed[LEFT] else 0.0
-    right = potential(state, params, RIGHT) if settings.shaped and settings.observed[RIGHT] else 0.0
-    return left, right
-
-
-@inlined
-def earn(state, params, settings, point, terminated, before):
-    """The rewards of the step that led here, (left, right).
-
-    Args:
-        point: +1 if the left player scored, -1 if the right one did, else 0.
-        terminated: whether the episode is over: its last state has the potential 0.
-        before: what `potentials` gave before the step.
-    """
-    left, right = float(point), float(-point)
-    if settings.shaped and settings.observed[LEFT]:
-        after = 0.0 if terminated else potential(state, params, LEFT)
-        left += SHAPING_DISCOUNT * after - before[LEFT]
-    if settings.shaped and settings.observed[RIGHT]:
-        after = 0.0 if terminated else potential(state, params, RIGHT)
-        right += SHAPING_DISCOUNT * after - before[RIGHT]
-    return left, right
+def shaping(before, after, terminated):
+    """The shaping term of a step from potential `before` to potential `after`."""
+    return SHAPING_DISCOUNT * (0.0 if terminated else after) - before

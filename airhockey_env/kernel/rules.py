@@ -64,24 +64,29 @@ def give(state, side):
 
 
 @inlined
-def judge(state, params, goal):
-    """Keep the score and the clock after a tick in which the puck crossed the goal line of side `goal` (0 for none).
+def judge(point, puck_x, side, clock, clock_limit):
+    """The shot clock after a tick.
+
+    Args:
+        point: +1 if the left player scored, -1 if the right one did, else 0.
+        puck_x: m, where the puck is.
+        side: the side that it was on, -1 left, +1 right.
+        clock: ticks since it came there.
+        clock_limit: ticks that it may stay there.
 
     Returns:
-        point: +1 if the left player scored, -1 if the right one did, else 0.
+        side, clock: those now.
+        crossed: whether the puck came to the other side: its `plan` is to be drawn, see `give`.
         foul: whether the side that has the puck has had it for too long.
     """
-    if goal != 0:
-        state.score[0 if goal > 0 else 1] += 1
-        return goal, False
-    if state.position[PUCK, 0] * state.side < 0.0:
-        give(state, -state.side)
-        return 0, False
-    state.clock += 1
-    return 0, state.clock > params.clock_limit
+    if point != 0:
+        return side, clock, False, False
+    if puck_x * side < 0.0:
+        return -side, 0, True, False
+    return side, clock + 1, False, clock + 1 > clock_limit
 
 
-@inlined
+@compiled
 def play_on(state, params, point, foul):
     """After a goal the side that conceded serves; after a foul, the other side."""
     if point != 0:

@@ -1,8 +1,8 @@
 """Scripted opponents, compiled, so that they play in the batch at the engine's speed.
 
-Each sees the table as a player does (own goal at -x) and answers with a target velocity, as a share of the paddle's
-greatest speed. To add one: write a function like `goalie`, give it a number and a name, and add it to
-`scripted_action`.
+Each sees the table as a player does (own goal at -x) and answers with a place for its paddle, m: (x, y, through), where
+`through` is to pass there at full speed instead of stopping. To add one: write a function like `goalie`, give it a
+number and a name, and add it to `_choose_places`.
 """
 
 from __future__ import annotations
@@ -10,9 +10,10 @@ from __future__ import annotations
 import math
 
 from airhockey_env.compiled import compiled, inlined
-from airhockey_env.kernel.observations import view_of
+from airhockey_env.kernel.block import params_at
+from airhockey_env.kernel.observations import view_at
 from airhockey_env.kernel.random_stream import draw, draw_between
-from airhockey_env.kernel.state import HOME
+from airhockey_env.kernel.state import HOME, LEFT, RIGHT
 
 IDLE, RANDOM, GOALIE, STRIKER, EXTERNAL = range(5)
 SCRIPTED = {"idle": IDLE, "random": RANDOM, "goalie": GOALIE, "striker": STRIKER}
@@ -23,17 +24,6 @@ GUARD = 0.72
 BRAKING = 0.5
 """How hard a paddle counts on braking towards a place: 2 would be all that its acceleration gives. Less is better: it
 has something left when the puck changes its course."""
-
-
-@inlined
-def _towards(view, params, x, y):
-    """The action that brings the paddle to a place and stops it there: no faster than it can brake on the way."""
-    dx, dy = x - view.x, y - view.y
-    distance = math.sqrt(dx * dx + dy * dy)
-    braking = math.sqrt(BRAKING * params.paddle_step / params.tick * distance)
-    speed = min(braking, distance / params.tick, params.paddle_speed)
-    share = speed / (params.paddle_speed * max(distance, 1e-9))
-    return dx * share, dy * share
 
 
 @inlined
@@ -51,9 +41,9 @@ def wander(state, player):
 
 
 @inlined
-def goalie(view, params):
+def goalie(view, params, plan):
     """Stays home and keeps between the puck and the goal."""
-    return _towards(view, params, -HOME * params.half_length, _clamp(view.puck_y, params.half_goal))
+    return -HOME * params.half_length, _clamp(view.puck_y, params.half_goal), False
 
 
 @inlined
@@ -66,22 +56,22 @@ def _folded(y, limit):
     return _clamp(y, limit)
 
 
-@compiled
+@inlined
 def _defend(view, params):
     """Be where a straight shot will come through; bank shots have to be seen coming off the wall first."""
+    guard = -GUARD * params.half_length
     if view.puck_x < view.x and abs(view.puck_y) > params.half_goal:
         # The puck is behind the paddle in a corner: home, but not through it.
-        return _towards(view, params, -GUARD * params.half_length, _clamp(view.puck_y, 0.5 * params.half_goal))
-    guard = -GUARD * params.half_length
+        return guard, _clamp(view.puck_y, 0.5 * params.half_goal)
     y = 0.5 * view.puck_y
     if view.puck_vx < -0.3 and view.puck_x > guard:
         y = view.puck_y + view.puck_vy * (guard - view.puck_x) / view.puck_vx
         if view.puck_vx > -0.4 * params.paddle_speed:
             y = _folded(y, params.half_width - params.radius[2])
-    return _towards(view, params, guard, _clamp(y, 1.6 * params.half_goal))
+    return guard, _clamp(y, 1.6 * params.half_goal)
 
 
-@compiled
+@inlined
 def _aim(view, params, x, y, plan):
     """Unit vector along which a puck at (x, y) should leave: straight at a corner of the goal, or off a side wall."""
     puck = params.radius[2]
@@ -94,7 +84,7 @@ def _aim(view, params, x, y, plan):
         # Off a wall, to the middle or the far half of the goal. A wall that keeps different shares of the two
         # components bends the path, so that the image of the goal lies nearer than its mirror image.
         side = 1.0 if plan < 0.7 else -1.0
-        part = (plan - 0.4) / 0.3 if plan < 0.7 else (plan - 0.7) / 0.3
+        part = (plan - (0.4 if plan < 0.7 else 0.7)) / 0.3
         bend = params.wall_tangential / max(params.wall_restitution, 0.1)
         goal_y = side * (wall + bend * (wall + part * spread))
     dx, dy = goal_x - x, goal_y - y
@@ -102,21 +92,15 @@ def _aim(view, params, x, y, plan):
     return dx / length, dy / length
 
 
-@compiled
-def striker(view, params, plan):
-    """Defends, gets behind the puck and shoots at the goal.
-
-    `plan`, 0 to 1, decides how it shoots: it is drawn when the puck comes to its side.
-    """
+@inlined
+def _attack(view, params, plan):
+    """Get behind the puck and shoot at the goal."""
     reach = params.radius[0] + params.radius[2]
     far_x, far_y = params.half_length - params.radius[0], params.half_width - params.radius[0]
-    speed = math.sqrt(view.puck_vx * view.puck_vx + view.puck_vy * view.puck_vy)
-    leaving = view.puck_vx > 0.3 * params.paddle_speed
-    if view.puck_x > 0.0 or leaving or speed > 0.75 * params.paddle_speed:
-        return _defend(view, params)
 
     # Meet the puck where it will be when the paddle can be there.
-    gap = math.sqrt((view.puck_x - view.x) ** 2 + (view.puck_y - view.y) ** 2)
+    gap_x, gap_y = view.puck_x - view.x, view.puck_y - view.y
+    gap = math.sqrt(gap_x * gap_x + gap_y * gap_y)
     lead = max(0.0, gap - reach) / params.paddle_speed
     x = max(view.puck_x + view.puck_vx * lead, params.radius[2] - params.half_length)
     y = _folded(view.puck_y + view.puck_vy * lead, params.half_width - params.radius[2])
@@ -128,11 +112,12 @@ def striker(view, params, plan):
     nx, ny = shot * aim_x - view.puck_vx, shot * aim_y - view.puck_vy
     length = math.sqrt(nx * nx + ny * ny)
     nx, ny = nx / length, ny / length
-    kiss_x, kiss_y = x - reach * nx - view.x, y - reach * ny - view.y
-    distance = math.sqrt(kiss_x * kiss_x + kiss_y * kiss_y)
+    kiss_x, kiss_y = x - reach * nx, y - reach * ny
+    dx, dy = kiss_x - view.x, kiss_y - view.y
+    distance = math.sqrt(dx * dx + dy * dy)
     to_x, to_y = x - view.x, y - view.y
-    if to_x > 0.0 and kiss_x * nx + kiss_y * ny > 0.7 * distance > 0.0:
-        return kiss_x / distance, kiss_y / distance
+    if to_x > 0.0 and dx * nx + dy * ny > 0.7 * distance > 0.0:
+        return kiss_x, kiss_y, True
 
     behind_x, behind_y = max(x - 2.2 * reach * nx, -far_x), _clamp(y - 2.2 * reach * ny, far_y)
     if to_x < 0.9 * reach and abs(to_y) < 1.2 * reach:
@@ -140,25 +125,96 @@ def striker(view, params, plan):
         side = 1.0 if to_y < 0.0 else -1.0
         if abs(y + side * 1.3 * reach) > far_y:
             side = -side
+        behind_y = y + side * 1.5 * reach
         if to_x < -0.9 * reach or abs(to_y) < reach:
-            return _towards(view, params, view.x, y + side * 1.5 * reach)
-        return _towards(view, params, behind_x, y + side * 1.5 * reach)
-    return _towards(view, params, behind_x, behind_y)
+            behind_x = view.x
+    return behind_x, behind_y, False
 
 
 @inlined
-def scripted_action(state, params, player, who):
-    """The action of scripted player number `who`, who drives the paddle of `player` (LEFT or RIGHT)."""
-    if who == IDLE:
-        return 0.0, 0.0
-    if who == RANDOM:
-        ax, ay = wander(state, player)
-    else:
-        view = view_of(state, player)
-        if who == GOALIE:
-            ax, ay = goalie(view, params)
-        else:
-            ax, ay = striker(view, params, state.plan)
+def striker(view, params, plan):
+    """Defends, gets behind the puck and shoots at the goal.
+
+    `plan`, 0 to 1, decides how it shoots: it is drawn when the puck comes to its side.
+    """
+    speed = math.sqrt(view.puck_vx * view.puck_vx + view.puck_vy * view.puck_vy)
+    leaving = view.puck_vx > 0.3 * params.paddle_speed
+    if view.puck_x > 0.0 or leaving or speed > 0.75 * params.paddle_speed:
+        x, y = _defend(view, params)
+        return x, y, False
+    return _attack(view, params, plan)
+
+
+@inlined
+def _towards(view, params, x, y, through):
+    """The action that brings the paddle to a place and stops it there, or takes it through there at full speed."""
+    dx, dy = x - view.x, y - view.y
+    distance = math.sqrt(dx * dx + dy * dy)
+    if through:
+        return dx / distance, dy / distance
+    # No faster than it can brake on the way.
+    braking = math.sqrt(BRAKING * params.paddle_step / params.tick * distance)
+    speed = min(braking, distance / params.tick, params.paddle_speed)
+    share = speed / (params.paddle_speed * max(distance, 1e-9))
+    return dx * share, dy * share
+
+
+@inlined
+def _limited(ax, ay, skill):
+    """An action, cut to a length of 1, of a player of that skill."""
     length = math.sqrt(ax * ax + ay * ay)
-    share = state.skill[player] / max(length, 1.0)
+    share = skill / max(length, 1.0)
     return ax * share, ay * share
+
+
+@inlined
+def scripted_action(view, params, plan, skill, destination):
+    """The action of a player that wants to be where `destination`, one of the functions above, says."""
+    x, y, through = destination(view, params, plan)
+    ax, ay = _towards(view, params, x, y, through)
+    return _limited(ax, ay, skill)
+
+
+@inlined
+def _choose_place(block, n, player, number, destination):
+    """The actions of those tables on which scripted player `number` drives this paddle."""
+    for k in range(n):
+        view, params = view_at(block, k, player), params_at(block, k)
+        ax, ay = scripted_action(view, params, block.plan[k], block.skill[player, k], destination)
+        mine = block.driver[k] == number
+        block.action[player, 0, k] = ax if mine else block.action[player, 0, k]
+        block.action[player, 1, k] = ay if mine else block.action[player, 1, k]
+
+
+@inlined
+def _choose_places(block, n, player, drivers):
+    if drivers & 1 << GOALIE:
+        _choose_place(block, n, player, GOALIE, goalie)
+    if drivers & 1 << STRIKER:
+        _choose_place(block, n, player, STRIKER, striker)
+
+
+@compiled
+def choose(block, n, first, player, states, drivers, actions):
+    """Write the actions of the players in a seat, on n tables from number `first` on, to the block."""
+    here = drivers[player, first : first + n]
+    found = 0
+    for k in range(n):
+        block.driver[k] = here[k]
+        found |= 1 << here[k]
+    if found & 1 << EXTERNAL:
+        for k in range(n):
+            block.action[player, 0, k] = actions[first + k, 0]
+            block.action[player, 1, k] = actions[first + k, 1]
+    if found & (1 << IDLE | 1 << RANDOM):
+        for k in range(n):
+            if here[k] == IDLE or here[k] == RANDOM:
+                ax, ay = 0.0, 0.0
+                if here[k] == RANDOM and not block.begins[k]:  # where an episode begins, nobody draws
+                    ax, ay = _limited(*wander(states[first + k], player), block.skill[player, k])
+                block.action[player, 0, k] = ax
+                block.action[player, 1, k] = ay
+    if player == LEFT:
+        _choose_places(block, n, LEFT, found)
+    else:
+        _choose_places(block, n, RIGHT, found)

@@ -52,25 +52,36 @@ def start_task(state, params, task, side):
         serve(state, params, side if side != 0 else -1 if draw(state) < 0.5 else 1)
 
 
+class Puck(NamedTuple):
+    """What the end of an episode may depend on besides the score: the puck after the step."""
+
+    x: float  # m
+    vx: float  # m/s
+    vy: float
+    side: int  # that it is on: -1 left, +1 right
+
+
 @inlined
-def end_task(state, settings, point, foul):
+def end_task(task, points, score, puck, point, foul):
     """Whether the episode ends after this step, and if so whether it was a success for the left player.
 
     Args:
+        points: that win a match.
+        score: (left, right).
         point: +1 if the left player scored in this step, -1 if the right one did, else 0.
         foul: whether the shot clock ran out in this step.
     """
-    if settings.task == HIT:
-        return end_hit(state, point, foul)
-    if settings.task == DEFEND:
-        return end_defend(state, point, foul)
-    return end_points(state, settings, point)
+    if task == HIT:
+        return end_hit(puck, point, foul)
+    if task == DEFEND:
+        return end_defend(puck, point, foul)
+    return end_points(points, score, point)
 
 
 @inlined
-def end_points(state, settings, point):
+def end_points(points, score, point):
     """A point or a match: over when a side has the points that win; a success if that is the left one."""
-    return max(state.score[0], state.score[1]) >= settings.points, point > 0
+    return max(score[LEFT], score[RIGHT]) >= points, point > 0
 
 
 @compiled
@@ -84,10 +95,9 @@ def start_hit(state, params):
 
 
 @inlined
-def end_hit(state, point, foul):
+def end_hit(puck, point, foul):
     """Over with a goal, a foul, or a puck that came to rest on the far side; a success with a goal for."""
-    vx, vy = state.velocity[PUCK, 0], state.velocity[PUCK, 1]
-    missed = state.position[PUCK, 0] > 0.0 and vx * vx + vy * vy < AT_REST * AT_REST
+    missed = puck.x > 0.0 and puck.vx * puck.vx + puck.vy * puck.vy < AT_REST * AT_REST
     return point != 0 or foul or missed, point > 0
 
 
@@ -116,14 +126,13 @@ def start_defend(state, params):
 
 
 @inlined
-def end_defend(state, point, foul):
+def end_defend(puck, point, foul):
     """Over with a goal, or once the shot is kept out: sent back over the centre line, or under control.
 
     A success unless there was a goal against.
     """
-    vx, vy = state.velocity[PUCK, 0], state.velocity[PUCK, 1]
-    returned = state.side > 0 and vx >= 0.0
-    caught = vx * vx + vy * vy < CAUGHT * CAUGHT
+    returned = puck.side > 0 and puck.vx >= 0.0
+    caught = puck.vx * puck.vx + puck.vy * puck.vy < CAUGHT * CAUGHT
     return point != 0 or foul or returned or caught, point >= 0
 
 

@@ -10,13 +10,10 @@ import numpy as np
 import pytest
 
 from airhockey_env import PRESETS, AirHockeyEnv, AirHockeyVectorEnv
-from airhockey_env.compiled import records
-from airhockey_env.engine.records import CONTACT
 from airhockey_env.game import Game
-from airhockey_env.kernel.observations import observe
+from airhockey_env.kernel.observations import view_of
 from airhockey_env.kernel.rewards import SHAPING_DISCOUNT, potential
 from airhockey_env.kernel.state import CONTACT_ROWS, LEFT, PUCK, RIGHT, STATE
-from airhockey_env.kernel.step import step_table
 from airhockey_env.tables import CHALLENGE, FULL_SIZE, IDEAL
 from tests.helpers import SHOT, SHOT_BACK, pursue, random_actions, turned
 
@@ -347,33 +344,30 @@ def test_contacts_are_what_happened():
 @pytest.mark.parametrize("name", PRESETS)
 @pytest.mark.parametrize("rate", [10, 50])
 def test_turning_the_table_turns_the_game(name, rate):
-    game = Game(1, table=name, control_hz=rate, points=2**30, right="idle")
+    game, mirror = (Game(1, table=name, control_hz=rate, points=2**30, right=None) for _ in range(2))
     game.reset(seed=3)
-    tables, mirror = game.states, turned(game.states)
-    contacts, reflected = records(CONTACT_ROWS, CONTACT), records(CONTACT_ROWS, CONTACT)
-    seen = np.zeros((2, 2, 13), np.float32)  # by seat, and by table
-    params, settings, hits = game.parameters[0], game.settings[0], np.zeros(3, np.int32)
+    mirror.reset(seed=3)
+    mirror.states[:] = turned(game.states)
     total = 0
-    for drawn in random_actions(4, 3000, 2).astype(np.float64):
-        for player in (LEFT, RIGHT):
-            observe(tables[0], params, player, seen, 0)
-            observe(mirror[0], params, player, seen, 1)
-        assert (seen[:, 0] == seen[::-1, 1]).all()
-        chase = pursue(seen[:, 0]).astype(np.float64)
-        (ax, ay), (bx, by) = chase if drawn[0, 0] > 0.0 else drawn
-        ours = step_table(tables[0], params, settings, ax, ay, bx, by, contacts, hits)
-        theirs = step_table(mirror[0], params, settings, bx, by, ax, ay, reflected, hits)
-        swapped = {"point": -theirs.point, "left_reward": theirs.right_reward, "right_reward": theirs.left_reward}
-        assert ours == theirs._replace(**swapped)
-        expected = turned(tables)
+    for drawn in random_actions(4, 3000, 2):
+        ours, theirs = game.out, mirror.out
+        chase = pursue(game.observations(LEFT)), pursue(game.observations(RIGHT))
+        left, right = chase if drawn[0, 0] > 0.0 else (drawn[:1], drawn[1:])
+        game.step(left, right)
+        mirror.step(right, left)
+        assert (ours.observation[:, 0] == theirs.observation[::-1, 0]).all()
+        assert (ours.reward[:, 0] == theirs.reward[::-1, 0]).all() and ours.point[0] == -theirs.point[0]
+        for told in ("foul", "terminated", "truncated", "n_contacts"):
+            assert getattr(ours, told)[0] == getattr(theirs, told)[0], told
+        expected = turned(game.states)
         for field in STATE.names:
-            assert (mirror[field] == expected[field]).all(), field
-        count = ours.n_contacts
-        total += count
+            assert (mirror.states[field] == expected[field]).all(), field
+        contacts, reflected = game.contacts_of(0), mirror.contacts_of(0)
+        total += len(contacts)
         for field in ("x", "y", "nx", "ny"):
-            assert (contacts[field][:count] == -reflected[field][:count]).all()
-        assert (contacts["impulse"][:count] == reflected["impulse"][:count]).all()
-    assert total > 100 and tables["score"].sum() > 3
+            assert (contacts[field] == -reflected[field]).all()
+        assert (contacts["impulse"] == reflected["impulse"]).all()
+    assert total > 100 and game.states["score"].sum() > 3
 
 
 # Rewards
@@ -384,7 +378,7 @@ def test_shaped_reward_is_sparse_plus_a_potential_that_telescopes(name):
     shaped, sparse = (AirHockeyEnv(table=name, reward=r, max_episode_steps=150) for r in ("shaped", "sparse"))
 
     def phi():
-        return float(potential(shaped._game.states[0], shaped._game.parameters[0], LEFT))
+        return potential(view_of(shaped._game.states[0], LEFT), shaped._game.parameters[0], LEFT)
 
     ends = []
     for seed in range(30):
@@ -410,7 +404,7 @@ def test_shaped_reward_is_sparse_plus_a_potential_that_telescopes(name):
 def test_potential_grows_with_what_is_promising():
     def phi(position, velocity=(0.0, 0.0)):
         env = started(position, velocity)
-        return float(potential(env._game.states[0], env._game.parameters[0], LEFT))
+        return potential(view_of(env._game.states[0], LEFT), env._game.parameters[0], LEFT)
 
     assert phi((0.5, 0.0)) > phi((0.1, 0.0)) > phi((-0.5, 0.3))
     assert phi((0.1, 0.0), (3.0, 0.0)) > phi((0.1, 0.0)) > phi((0.1, 0.0), (-3.0, 0.0))

@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 
 from airhockey_env import PRESETS, AirHockeyEnv, AirHockeyVectorEnv
+from airhockey_env.compiled import records
 from airhockey_env.game import Game
+from airhockey_env.kernel.block import BLOCK, TABLES, load_shared_params
 from airhockey_env.kernel.observations import observe
-from airhockey_env.kernel.scripted import EXTERNAL, SCRIPTED, scripted_action
+from airhockey_env.kernel.scripted import EXTERNAL, SCRIPTED, choose
 from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
+from airhockey_env.kernel.step import load
 from tests.helpers import pursue, random_actions
 
 LIMIT = 1500
@@ -47,6 +50,21 @@ def test_scripted_players_are_the_documented_ones():
     assert EXTERNAL not in SCRIPTED.values()
 
 
+def actions_of(game, name):
+    """The actions (N, 2) of a scripted player who drove all right paddles of the game as it is."""
+    n, states, block = game.num_tables, game.states.copy(), records(1, BLOCK)[0]
+    drivers, unused = np.full((2, n), SCRIPTED[name], np.int8), np.zeros((n, 2), np.float32)
+    if len(game.parameters) == 1:
+        load_shared_params(block, TABLES, game.parameters[0])
+    actions = []
+    for first in range(0, n, TABLES):
+        some = min(TABLES, n - first)
+        load(block, some, first, states, game.parameters, game.settings[0])
+        choose(block, some, first, RIGHT, states, drivers, unused)
+        actions.append(block["action"][RIGHT, :, :some].T.copy())
+    return np.concatenate(actions)
+
+
 @pytest.mark.parametrize("name", sorted(SCRIPTED))
 @pytest.mark.parametrize("table", PRESETS)
 @pytest.mark.parametrize("skill", [0.0, 0.4, 1.0])
@@ -59,10 +77,7 @@ def test_actions_are_in_range(name, table, skill):
         chase = pursue(game.out.observation[LEFT]).astype(np.float32)
         game.step(np.where(np.arange(200)[:, None] % 2 == 0, chase, drawn[step]))
         if step % 10 == 0:
-            asked = game.get_state()
-            actions = np.array(
-                [scripted_action(asked[i], game.parameters[0], RIGHT, SCRIPTED[name]) for i in range(200)]
-            )
+            actions = actions_of(game, name)
             assert np.isfinite(actions).all()
             longest = max(longest, np.hypot(*actions.T).max())
     assert longest <= skill * (1.0 + 1e-12)
@@ -187,8 +202,7 @@ def test_a_scripted_player_as_a_callable_would_play_the_same():
     scripted = Game(20, right="goalie")
 
     def goalie(seen):
-        states = shadow.states.copy()
-        return [scripted_action(states[i], shadow.parameters[0], RIGHT, SCRIPTED["goalie"]) for i in range(20)]
+        return actions_of(shadow, "goalie")
 
     shadow = Game(20, right=goalie)
     for game in (scripted, shadow):

@@ -8,12 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from airhockey_env.compiled import records
-from airhockey_env.engine.records import CONTACT
 from airhockey_env.game import Game
 from airhockey_env.kernel.parameters import params_of, spec_of
 from airhockey_env.kernel.random_stream import draw
-from airhockey_env.kernel.state import CONTACT_ROWS, LEFT, OBSERVATION_SIZE, RIGHT, STATE
-from airhockey_env.kernel.step import begin, step_table
+from airhockey_env.kernel.state import LEFT, OBSERVATION_SIZE, RIGHT, STATE
+from airhockey_env.kernel.step import begin, step_rows
 from airhockey_env.replay import arguments_of
 from airhockey_env.saved_states import state_dtype
 from tests.torture.cases import Case, encode_state
@@ -64,24 +63,24 @@ def _end(state, tally):
 
 
 @compiled_here
-def _play(states, parameters, game_settings, ranges, modes, whims, steps, before, actions, tally):
-    """Play hostile steps on every table; stops at the first failure, the state before it in `before[0]`.
+def _play(states, parameters, game_settings, ranges, drivers, out, modes, whims, steps, before, actions, tally):
+    """Play hostile steps on every table; stops at the first failure.
 
     Args:
-        actions: (2, 2) float32, as a caller of the game gives them; those of the last step at the end.
+        before: (N,) `STATE`, those before the last step at the end.
+        actions: (2, N, 2) float32, as a caller of the game gives them; those of the last step at the end.
 
     Returns the number of the failure and of the table.
     """
-    contacts = np.zeros(CONTACT_ROWS, CONTACT)
-    hits = np.zeros(3, np.int32)
     room = np.zeros((2, 1, OBSERVATION_SIZE), np.float32)
     settings = game_settings[0]
-    for i in range(states.shape[0]):
-        state, params = states[i], params_of(parameters, i)
-        for step in range(steps):
+    n = states.shape[0]
+    for step in range(steps):
+        for i in range(n):
+            state, params = states[i], params_of(parameters, i)
             if settings.randomized and (step == 0 or state.done):
                 _end(state, tally)
-                before[0] = state
+                before[i] = state
                 begin(state, params, settings, ranges, 0)
                 tally[DRAWN] += 1
                 if not in_ranges(params, ranges):
@@ -91,19 +90,21 @@ def _play(states, parameters, game_settings, ranges, modes, whims, steps, before
                     modes[i, player] = int(MODES * draw(state))
                     whims[i, player] = draw(state)
                 ax, ay = hostile_action(state, params, player, modes[i, player], whims[i, player])
-                actions[player, 0], actions[player, 1] = ax, ay
+                actions[player, i, 0], actions[player, i, 1] = ax, ay
             if draw(state) < 0.01:
                 ambush(state, params)
-            before[0] = state
-            ax, ay = float(actions[LEFT, 0]), float(actions[LEFT, 1])
-            bx, by = float(actions[RIGHT, 0]), float(actions[RIGHT, 1])
-            result = step_table(state, params, settings, ax, ay, bx, by, contacts, hits)
-            told = result.left_reward, result.terminated, result.truncated
-            kept = contacts, result.n_contacts
-            failure = check_step(before[0], state, params, settings, *kept, *told, room, tally)
+            before[i] = state
+        step_rows(0, n, states, parameters, game_settings, ranges, drivers, actions[LEFT], actions[RIGHT], out)
+        for i in range(n):
+            told = out.reward[LEFT, i], out.terminated[i], out.truncated[i]
+            kept = out.contacts[i], out.n_contacts[i]
+            failure = check_step(
+                before[i], states[i], params_of(parameters, i), settings, *kept, *told, room, tally
+            )  # fmt: skip
             if failure != FINE:
                 return failure, i
-        _end(state, tally)
+    for i in range(n):
+        _end(states[i], tally)
     return FINE, 0
 
 
@@ -114,16 +115,16 @@ def play_hostile(name: str, control_hz: float, steps: int, seed: int, tables: in
         arguments |= {"points": 3, "max_episode_steps": EPISODE}
     else:
         arguments |= {"points": 2**30}  # one episode
-    game = Game(tables, task="match", control_hz=control_hz, right=None, **arguments)
+    game = Game(tables, task="match", control_hz=control_hz, right=None, autoreset_mode="Disabled", **arguments)
     game.reset(seed * tables)
     each = -(-steps // tables)
-    before, actions, tally = records(1, STATE), np.zeros((2, 2), np.float32), new_tally()
+    before, actions, tally = records(tables, STATE), np.zeros((2, tables, 2), np.float32), new_tally()
     modes, whims = np.zeros((tables, 2), np.int64), np.zeros((tables, 2))
-    fixed = (game.states, game.parameters, game.settings, game.ranges)
+    fixed = (game.states, game.parameters, game.settings, game.ranges, game._drivers, game.out)
     number, i = _play(*fixed, modes, whims, each, before, actions, tally)
     case = None
     if number != FINE:
-        case = _case_of(game, number, i, before, actions)
+        case = _case_of(game, number, i, before[i : i + 1], actions[:, i])
     else:
         for params in game.parameters:
             spec_of(params)  # raises an error if it is no table
