@@ -124,6 +124,7 @@ def _compile(function: Callable[..., Any], **options: Any) -> Callable[..., Any]
         with contextlib.suppress(RuntimeError):  # no folder to write to: compile in every process
             dispatcher._cache = _Cache(function)
         from numba.core import types
+
         template = dispatcher.get_call_template
         dispatcher.get_call_template = lambda args, kws: template(
             tuple(map(types.unliteral, args)), {name: types.unliteral(kind) for name, kind in kws.items()}

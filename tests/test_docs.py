@@ -10,7 +10,6 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import gymnasium
 import pytest
@@ -21,37 +20,10 @@ from airhockey_env.opponents.players import NAMES
 from airhockey_env.parallel_env import AirHockeyParallelEnv
 from scripts.make_docs import environments_page
 from tests.helpers import IDS, ROOT, still_policy
+from tests.pages import WORKS_WITH, Block, blocks
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-WORKS_WITH = ROOT / "docs" / "works_with.md"  # tests/ecosystem runs its blocks
 EXTENDING = ROOT / "docs" / "extending.md"
-
-
-class Block(NamedTuple):
-    """A block of code on a page."""
-
-    section: int  # number of the heading that it stands under
-    line: int  # of the page, where the code begins
-    language: str
-    code: str
-
-
-def blocks(page: Path) -> list[Block]:
-    """The blocks of code on a page, in order."""
-    found: list[Block] = []
-    section, start, language = 0, 0, ""
-    lines = page.read_text(encoding="utf-8").splitlines()
-    for number, line in enumerate(lines):
-        if start:
-            if line == "```":
-                found.append(Block(section, start, language, "\n".join(lines[start:number]) + "\n"))
-                start = 0
-        elif line.startswith("```"):
-            start, language = number + 1, line[3:]
-        elif line.startswith("#"):
-            section += 1
-    assert not start, f"{page}: a block of code does not end"
-    return found
 
 
 def examples(page: Path, changed: bool = False) -> list[Block]:
@@ -106,7 +78,8 @@ def apply(diff: str, root: Path) -> None:
 
 
 CHECK = """
-assert abs(earned[1] - earned[0] - 0.01 * 0.1 / 350) < 1e-12, earned  # the potential knows the shot clock
+expected = 0.01 * 0.1 * 0.3 / (0.5 * env.unwrapped.table.width)  # (0.99 - 1) times what the potential is lower
+assert abs(earned[1] - earned[0] - expected) < 1e-12, earned
 
 env = gym.make("AirHockey-v0", opponent="chaser").unwrapped
 env.reset(seed=0, options={"serve": "right"})

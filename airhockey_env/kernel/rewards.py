@@ -10,8 +10,7 @@ from __future__ import annotations
 import math
 
 from airhockey_env.compiled import inlined
-from airhockey_env.kernel.observations import view_of
-from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
+from airhockey_env.kernel.state import PUCK
 
 SHAPING_DISCOUNT = 0.99
 

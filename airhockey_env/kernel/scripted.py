@@ -2,7 +2,7 @@
 
 Each sees the table as a player does (own goal at -x) and answers with a place for its paddle, m: (x, y, through), where
 `through` is to pass there at full speed instead of stopping. To add one: write a function like `goalie`, give it a
-number and a name, and add it to `destination`.
+number and a name, and add it to `_choose_places`.
 """
 
 from __future__ import annotations

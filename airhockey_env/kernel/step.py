@@ -221,9 +221,8 @@ def serve_again(block, n, first, states, parameters):
 def earn(block, n, settings):
     """Work out the rewards."""
     for k in range(n):
-        point = float(block.point[k])
-        block.reward[LEFT, k] = point
-        block.reward[RIGHT, k] = -point
+        block.reward[LEFT, k] = float(block.point[k])
+        block.reward[RIGHT, k] = float(-block.point[k])  # a whole number has no -0
     for player in (LEFT, RIGHT):
         if settings.shaped and settings.observed[player]:
             for k in range(n):
@@ -272,7 +271,9 @@ def end_episodes(block, n, first, states, parameters, settings, ranges, out):
     """Begin the next episode where one was over before this step, or is over and another begins in the same one."""
     began = out.began[first : first + n]
     for k in range(n):
-        over = block.terminated[k] + block.truncated[k] if settings.autoreset == AUTORESET_SAME_STEP else block.begins[k]
+        over = (
+            block.terminated[k] + block.truncated[k] if settings.autoreset == AUTORESET_SAME_STEP else block.begins[k]
+        )
         began[k] = over != 0
     for k in range(n):
         if began[k]:

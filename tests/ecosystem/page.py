@@ -7,7 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.test_docs import ROOT, WORKS_WITH, blocks
+from tests.helpers import ROOT
+from tests.pages import WORKS_WITH, blocks
 
 IN_ANOTHER_ENVIRONMENT = ("RLlib",)
 """The sections whose libraries cannot be installed beside the rest."""

@@ -11,8 +11,8 @@ import pytest
 from airhockey_env import PRESETS, AirHockeyEnv, AirHockeyVectorEnv
 from airhockey_env.compiled import records
 from airhockey_env.game import Game
-from airhockey_env.kernel.observations import observe
 from airhockey_env.kernel.block import BLOCK, TABLES, load_shared_params
+from airhockey_env.kernel.observations import observe
 from airhockey_env.kernel.scripted import EXTERNAL, SCRIPTED, choose
 from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
 from airhockey_env.kernel.step import load
