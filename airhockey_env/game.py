@@ -506,7 +506,9 @@ class Game:
         # A camera looks on whoever plays, so that a policy that comes into the pool sees what it has seen.
         self.settings["observed"] = [observed[seat] or self.cameras[seat] is not None for seat in SEATS]
         if observed[LEFT] > before[LEFT] or observed[RIGHT] > before[RIGHT]:
-            self._refresh(self._all_rows)
+            begun = np.flatnonzero(self.states["side"])
+            if len(begun):
+                self._refresh(begun)
 
     def _step_rows(self, first: int, last: int, left: NDArray[np.float32], right: NDArray[np.float32]) -> None:
         fixed = (self.states, self.parameters, self.settings, self.ranges, self._drivers)
