@@ -244,7 +244,7 @@ def store(block, n, first, states):
         state.done = block.terminated[k] + block.truncated[k]
 
 
-@compiled
+@inlined
 def report(block, n, first, out):
     """Write what the step came to."""
     for player in (LEFT, RIGHT):
@@ -266,7 +266,7 @@ def _report(column, out, n, first):
         rows[k] = column[k]
 
 
-@compiled
+@inlined
 def end_episodes(block, n, first, states, parameters, settings, ranges, out):
     """Begin the next episode where one was over before this step, or is over and another begins in the same one."""
     began = out.began[first : first + n]
@@ -286,7 +286,7 @@ def end_episodes(block, n, first, states, parameters, settings, ranges, out):
             begin(state, params, settings, ranges, 0)
 
 
-@compiled
+@inlined
 def observe_rows(first, last, states, parameters, settings, out):
     """Write what tables look like."""
     for i in range(first, last):
