@@ -191,6 +191,8 @@ def _learn(run: Run, callbacks: Sequence[BaseCallback], stop: Stop) -> None:
     done, path = run.model.num_timesteps, run.folder.path
     resumed = f" It continues at {done:,}." if done < run.steps else f" It has {done:,} already, so nothing is left."
     print(f"{path}: {run.steps:,} steps in all.{resumed if done else ''} Ctrl-C stops early and saves everything.")
+    if run.folder.policy.exists() and run.model.num_timesteps < run.steps:
+        print(f"Watch it learn, in the browser: python -m airhockey_env.web --run {path} --open")
     logger = configure(str(path / "tensorboard"), ["tensorboard"])
     logger.output_formats.append(Records(run.history["updates"], lambda: run.seconds))
     run.model.set_logger(logger)

@@ -7,6 +7,7 @@ import asyncio
 import contextlib
 import secrets
 import signal
+import socket
 import sys
 import webbrowser
 from pathlib import Path
@@ -95,6 +96,19 @@ def named_runs(given: list[str]) -> dict[str, Path]:
     return runs
 
 
+def reachable(host: str) -> str:
+    """The part of an address that leads to a host: in place of "all addresses", the one that others see us under."""
+    if host in ("", "0.0.0.0", "::"):
+        family, outside = (socket.AF_INET6, "2001:db8::1") if host == "::" else (socket.AF_INET, "192.0.2.1")
+        try:
+            with socket.socket(family, socket.SOCK_DGRAM) as probe:
+                probe.connect((outside, 9))  # of documentation (RFC 5737, RFC 3849); nothing is sent
+                host = probe.getsockname()[0]
+        except OSError:
+            host = "localhost"
+    return f"[{host}]" if ":" in host else host
+
+
 async def serve(args: argparse.Namespace) -> None:
     """Serve until the process is told to stop.
 
@@ -121,9 +135,8 @@ async def serve(args: argparse.Namespace) -> None:
     server = Server(access, catalogue)
     port = await server.start(args.host, args.port)
     try:
-        host = f"[{args.host}]" if ":" in args.host else args.host
         page = "/watch" if args.run else "/"
-        address = f"http://{host}:{port}{page}" + ("" if token is None else f"?token={token}")
+        address = f"http://{reachable(args.host)}:{port}{page}" + ("" if token is None else f"?token={token}")
         print(address, flush=True)
         if args.open:
             webbrowser.open(address)

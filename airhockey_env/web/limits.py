@@ -26,7 +26,7 @@ class Limits(NamedTuple):
     """s of work that a session may do at once after a rest."""
     answer_seconds: float = 0.004
     """s of work after which a session that plays many steps for one answer leaves the rest for the next one."""
-    idle_seconds: float = 300.0
+    idle_seconds: float = 900.0
     """s without a message after which a session ends."""
     heartbeat_seconds: float = 15.0
     """s between the questions whether a visitor is still there; without an answer, the session ends."""

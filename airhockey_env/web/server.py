@@ -108,7 +108,7 @@ class Server:
             raise web.HTTPForbidden(text="This server answers to the name of this machine only, such as localhost.\n")
         if not self.access.token_right(token, request.headers.get("Cookie")):
             raise web.HTTPUnauthorized(text="Open the address that the server has printed, with its token.\n")
-        changes = request.method != "GET" or request.path.startswith("/session/")
+        changes = request.method not in ("GET", "HEAD") or request.path.startswith("/session/")
         if changes and not self.access.origin_allowed(request.headers.get("Origin"), host):
             raise web.HTTPForbidden(text="Only pages of this server may open sessions.\n")
         if token is not None and request.method == "GET":  # from now on the cookie says it: not every address need

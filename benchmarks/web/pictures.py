@@ -91,6 +91,7 @@ def _run(browser: Browser, address: str, path: Path) -> Path:
     browser.open(f"{address}/watch")
     browser.wait(lambda: "steps" in browser.text("run-note"), "the run is not shown")
     time.sleep(3.0)
+    browser.wait(lambda: not browser.element("banner").is_displayed(), "the match rests")
     return _save(browser, path)
 
 

@@ -95,7 +95,8 @@ class TestTrainPpo:
 
     def test_resume(self, trained: Path, tmp_path: Path, call: Call) -> None:
         copied = copy_of(trained, tmp_path)
-        call("train_ppo", "--resume", "tiny", "--steps", str(4 * UPDATE))
+        printed = call("train_ppo", "--resume", "tiny", "--steps", str(4 * UPDATE))
+        assert "python -m airhockey_env.web --run runs/tiny" in " ".join(printed.split())
         assert read_model(copied / "model.zip").data["num_timesteps"] == 4 * UPDATE
         history = json.loads((copied / "evaluations.json").read_text())
         assert [row["steps"] for row in history["updates"]] == [UPDATE * k for k in (1, 2, 3, 4)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import socket
 import subprocess
 import sys
@@ -11,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from airhockey_env.web.__main__ import main, named_players, named_runs
+from airhockey_env.web.__main__ import main, named_players, named_runs, reachable
 from tests.helpers import ROOT, still_policy
 from tests.web.conftest import Serve
 
@@ -70,7 +71,9 @@ def test_without_aiohttp_the_extra_is_named() -> None:
 
 
 def test_the_printed_address_lets_in_and_others_do_not(serve: Serve) -> None:
-    address = serve("--host", "0.0.0.0", "--token", "random").replace("0.0.0.0", "127.0.0.1")
+    address = serve("--host", "0.0.0.0", "--token", "random")
+    assert "0.0.0.0" not in address
+    address = re.sub(r"//[^:/]+:", "//127.0.0.1:", address)
     page, _, token = address.partition("?token=")
     assert len(token) == 32
     opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
@@ -80,6 +83,11 @@ def test_the_printed_address_lets_in_and_others_do_not(serve: Serve) -> None:
         urllib.request.urlopen(page)
     assert refused.value.code == 401
     refused.value.close()
+
+
+def test_the_printed_host_can_be_reached() -> None:
+    assert reachable("127.0.0.1") == "127.0.0.1" and reachable("::1") == "[::1]" and reachable("table") == "table"
+    assert reachable("0.0.0.0") not in ("", "0.0.0.0") and reachable("::") not in ("", "[::]")
 
 
 def test_help_is_whole_sentences() -> None:

@@ -78,6 +78,8 @@ def test_pages_load_nothing_from_elsewhere_and_are_cached_until_they_change() ->
                 assert "default-src 'none'" in policy and "frame-ancestors 'none'" in policy
                 assert response.headers["X-Content-Type-Options"] == "nosniff"
                 tag = response.headers["ETag"]
+            async with running.client.head(running.address + page) as response:
+                assert response.status == 200
             async with running.client.get(running.address + page, headers={"If-None-Match": tag}) as response:
                 assert response.status == 304
 

@@ -27,9 +27,11 @@ export class Chart {
   /**
    * @param {string} title
    * @param {[number, number] | null} range - of the vertical axis; null: that of the values.
+   * @param {string} axis - what the horizontal axis shows.
    */
-  constructor(title, range = null) {
+  constructor(title, range = null, axis = "steps") {
     this.title = title;
+    this.axis = axis;
     this.range = range;
     this.figure = document.createElement("figure");
     this.figure.className = "chart";
@@ -55,7 +57,7 @@ export class Chart {
     this.figure.hidden = !this.lines.length;
     const last = this.lines.map(({ label, points }) => `${label} ${short(points.at(-1)[1])}`.trim()).join(", ");
     this.caption.textContent = `${this.title}: ${last}`;
-    this.canvas.setAttribute("aria-label", `${this.title}, over steps. Latest: ${last}`);
+    this.canvas.setAttribute("aria-label", `${this.title}, over ${this.axis}. Latest: ${last}`);
     this.draw();
   }
 
@@ -78,10 +80,11 @@ export class Chart {
       [low, high] = [low - 0.5, high + 0.5];
     }
     const most = Math.max(this.goal, ...this.lines.flatMap(({ points }) => points.map((p) => p[0])), 1);
-    const [left, right, top, bottom] = [40, width - 8, 6, height - 18];
+    const size = 0.7 * parseFloat(getComputedStyle(document.documentElement).fontSize);
+    const [left, right, top, bottom] = [3.6 * size, width - 8, 6, height - 1.7 * size];
     const x = (value) => left + ((right - left) * value) / most;
     const y = (value) => bottom - ((bottom - top) * (value - low)) / (high - low);
-    context.font = `11px ${style.fontFamily}`;
+    context.font = `${size}px ${style.fontFamily}`;
     context.fillStyle = color("--quiet");
     context.strokeStyle = color("--line");
     context.textBaseline = "middle";
@@ -96,7 +99,7 @@ export class Chart {
     context.textAlign = "center";
     context.textBaseline = "top";
     for (const value of ticks(0, most, 4)) {
-      context.fillText(short(value), Math.min(x(value), right - 12), bottom + 5);
+      context.fillText(short(value), Math.min(x(value), right - size), bottom + 5);
     }
     this.lines.forEach(({ points, bands }, k) => {
       context.strokeStyle = context.fillStyle = color(COLORS[k % COLORS.length]);

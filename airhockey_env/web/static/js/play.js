@@ -205,6 +205,7 @@ function note(state) {
     say(title, line, passing, passing ? [] : notice === "paused" ? ["resume"] : ["again", "replay"]);
   }
   byId("pause").textContent = notice === "paused" ? "Go on" : "Pause";
+  byId("pause").disabled = ["won", "lost"].includes(notice);
 }
 
 function ask() {

@@ -1,11 +1,12 @@
 /**
  * What to draw when: between states that come over a network, at the times of the screen.
  *
- * States are drawn as late as it takes for the next one to be there already, and no later: the delay follows how late
- * states have been in the last second. So the picture moves as evenly as the game, whatever the network does.
+ * States are drawn as late as it takes for the next one to be there already, and no later: the delay follows how old the
+ * newest state has been in the last pictures. So the picture moves as evenly as the game, whatever the network does.
  */
 const KEPT = 64;
-const FALL = 0.04; // of the delay's excess, with every picture
+const PICTURES = 24;
+const FALL = 0.08; // of the delay's excess, with every picture
 const DRIFT = 1e-4; // s a second by which two clocks may go apart
 
 /** Two states mixed: positions between, everything else as in the later one. */
@@ -23,12 +24,14 @@ export class Playout {
   #offset = null; // s: the server's clock less ours, less the way here
   #arrived = 0;
   #delay = 0;
+  #ages = []; // s: of the newest state, in the last pictures
 
   /** Forget everything: another game begins. */
   clear() {
     this.#states = [];
     this.#offset = null;
     this.#delay = 0;
+    this.#ages = [];
   }
 
   /**
@@ -55,8 +58,12 @@ export class Playout {
       return null;
     }
     const newest = states.at(-1);
-    const late = now + this.#offset - newest.time;
-    this.#delay = Math.max(late, this.#delay - FALL * (this.#delay - late));
+    this.#ages.push(now + this.#offset - newest.time);
+    if (this.#ages.length > PICTURES) {
+      this.#ages.shift();
+    }
+    const oldest = Math.max(...this.#ages);
+    this.#delay = Math.max(oldest, this.#delay - FALL * (this.#delay - oldest));
     const time = now + this.#offset - this.#delay;
     let k = states.length - 1;
     while (k > 0 && states[k - 1].time > time) {
