@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import Any
 
@@ -17,6 +16,10 @@ SECONDS = 0.5
 """How far the paths go."""
 MOST_PUCKS = 6
 """Pucks of a scene with a fan."""
+STEPS = 8
+"""Steps of the continuous method in a tick."""
+MOST_PLACES = 60
+"""Places on a way, so that answers are short; later bends are cut off."""
 
 
 def position_at(table: AirTable, seconds: float) -> NDArray[np.float64]:
@@ -62,13 +65,16 @@ def fan(scene: Scene) -> dict[str, Any]:
 
 
 def _way(table: AirTable, tick: float, seconds: float) -> list[NDArray[np.float64]]:
-    """Where the pucks are at each of at most about 30 ticks, and in the end."""
+    """Where the pucks are in the beginning, before and after each step with contacts, and in the end.
+
+    What the continuous method does is independent of its steps, so that short ones show where a path bends.
+    """
+    steps = STEPS if table.method == "continuous" else 1
     ticks = int(seconds / tick)
-    every = math.ceil(ticks / 30)
     way = [table.positions.copy()]
-    for k in range(ticks):
-        table.step(tick)
-        if k % every == 0:
-            way.append(table.positions.copy())
+    for _ in range(ticks * steps):
+        before = table.positions.copy()
+        if len(table.step(tick / steps)) and len(way) < MOST_PLACES:
+            way += [before, table.positions.copy()]
     way.append(position_at(table, seconds - ticks * tick))
     return way

@@ -34,7 +34,7 @@ def kisses(
         contacts: what `AirTable.step` returned for the tick.
 
     Returns:
-        See `describe`; contacts of which a picture cannot be drawn are left out.
+        See `_describe`; contacts of which a picture cannot be drawn are left out.
     """
     ends, velocities = positions + velocities * tick, velocities.copy()
     radii, masses, found = table.radii, table.masses, []

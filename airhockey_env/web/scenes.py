@@ -121,6 +121,12 @@ class Scene:
         """(N,) kg."""
         return np.array([puck.mass for puck in self.pucks])
 
+    @property
+    def many_contacts(self) -> bool:
+        """Whether a tick may have thousands of contacts: pucks that collapse, or a light one between heavy ones."""
+        lossy = self.restitution < 1.0 or self.wall_restitution < 1.0
+        return lossy or float(self.masses.max() / self.masses.min()) > 100.0
+
     def tables(self) -> dict[str, AirTable]:
         """The scene on one table for each method.
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.web.browser import Browser
 
 from airhockey_env.air_table import METHODS
 from airhockey_env.web.scenes import SCENES, SIZE, Scene
+from benchmarks.web.browser import Browser
 from tests.web.test_air import engine_contact
 
 PLACE = """
@@ -161,3 +161,9 @@ def test_everything_has_a_name(browser: Browser, address: str) -> None:
         "!(e.labels?.length || e.getAttribute('aria-label') || e.textContent.trim())).map((e) => e.outerHTML)"
     )
     assert nameless == []
+
+
+def test_a_scene_that_may_have_many_contacts_runs_too(browser: Browser, address: str) -> None:
+    browser.open(f"{address}/air#{SCENES['large_and_small'].text.replace('restitution=1', 'restitution=0.5')}")
+    browser.wait(lambda: float(browser.run(CLOCK).split()[0] if browser.run(CLOCK) else 0) > 0.5, "it does not run")
+    assert shown_scene(browser).restitution == 0.5

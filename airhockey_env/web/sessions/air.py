@@ -32,7 +32,7 @@ PULL_SECONDS = 0.04
 MOST_PULL = 10.0
 """m/s. Greatest component of the velocity of a puck that is held."""
 SLOW = 0.01
-"""s of work for a tick beyond which a scene is played in another thread: pucks that collapse, for example."""
+"""s of the processor for a tick after which the next ones are played in another thread."""
 MOST_BOUND = 1e4
 """Numbers of a message are at most so large; what they may be is checked with the scene."""
 
@@ -63,6 +63,7 @@ class AirSession(Session):
             "step": self._step,
             "restart": self._restart,
             "reverse": self._reverse,
+            "throw": self._throw,
             "add": self._add,
             "remove": self._remove,
             "change": self._change,
@@ -186,7 +187,8 @@ class AirSession(Session):
 
     def _played(self, play: Callable[[], dict[str, Any]]) -> Answer:
         """What a function that plays ticks returns, or that function where it takes long."""
-        return (lambda: encode(play()).encode()) if self._slow else play()
+        long = self._slow or self._shown.many_contacts
+        return (lambda: encode(play()).encode()) if long else play()
 
     def _turn(self, message: Message, now: float) -> Answer:
         scene, held = self._shown, None
@@ -235,8 +237,16 @@ class AirSession(Session):
         self._turned = self._ticks if self._turned is None else None
         return None
 
+    def _throw(self, message: Message, now: float) -> Answer:
+        """Let go of a puck that was held, with this velocity on all tables."""
+        number, velocity = self._number(message), message.numbers("velocity", 2, MOST_PULL)
+        message.finish()
+        for table in self._present.values():
+            table.velocities[number] = velocity
+        return None
+
     def _play_tick(self, scene: Scene, held: _Held | None) -> list[dict[str, Any]]:
-        contacts, began = [], time.perf_counter()
+        contacts, began = [], time.thread_time()
         for table in self._tables.values():
             if held is not None:
                 number, place = held
@@ -248,7 +258,7 @@ class AirSession(Session):
                 new = kisses(table, positions, velocities, scene.tick, touched)[-MOST_CONTACTS:]
                 contacts += [{"time": since + kiss["contact_time"], **kiss} for kiss in new]
         self._ticks += 1
-        self._slow = self._slow or time.perf_counter() - began > SLOW
+        self._slow = time.thread_time() - began > SLOW
         if self._turned is not None and self._ticks == 2 * self._turned:
             self._returned = [
                 float(np.hypot(*(table.positions - self._starts[method]).T).max())

@@ -15,6 +15,8 @@ const ABOUT = {
 const FIRST = "scene=pool_shot";
 const SEARCHES = 200; // messages until a contact is found
 const NUDGE = 0.01; // m that an arrow key moves a puck
+const LATELY = 0.1; // s on the wall of a pointer's way that a throw goes by
+const FASTEST = 10; // m/s, each component of a throw
 const AIM = 0.1; // m/s that it changes a velocity by
 
 const connection = new Connection("air");
@@ -30,7 +32,7 @@ let shown = null; // the state in the picture
 let running = !matchMedia("(prefers-reduced-motion: reduce)").matches;
 let opening = true; // the next scene is run as it comes
 let selected = 0;
-let held = null; // what the pointer does: {kind: "hold", "position" or "velocity", puck, place}
+let held = null; // what the pointer does: {kind: "hold", "position" or "velocity", puck, place, trace}
 let pending = null; // a change that waits for the answer to the one before
 let waiting = false;
 let searches = 0; // messages left to find a contact
@@ -342,13 +344,15 @@ for (const one of lanes) {
     selected = puck;
     fill();
     const kind = running ? "hold" : event.shiftKey ? "velocity" : byId("drag").value;
-    held = { kind, puck, place, moved: false };
+    held = { kind, puck, place, trace: [[seconds(), ...place]] };
   });
   canvas.addEventListener("pointermove", (event) => {
     if (held === null) {
       return;
     }
     held.place = one.view.toTable(event.clientX, event.clientY);
+    held.trace.push([seconds(), ...held.place]);
+    held.trace.splice(0, held.trace.length - 100);
     if (held.kind === "position") {
       change("change", { puck: held.puck, position: held.place.map(round) });
     } else if (held.kind === "velocity") {
@@ -357,7 +361,12 @@ for (const one of lanes) {
     }
   });
   for (const kind of ["pointerup", "pointercancel"]) {
-    canvas.addEventListener(kind, () => (held = null));
+    canvas.addEventListener(kind, () => {
+      if (held?.kind === "hold" && running) {
+        connection.send("throw", { puck: held.puck, velocity: velocityOf(held.trace) });
+      }
+      held = null;
+    });
   }
   canvas.addEventListener("dblclick", (event) => {
     const place = one.view.toTable(event.clientX, event.clientY);
@@ -386,6 +395,15 @@ for (const one of lanes) {
       change("change", { puck: selected, [name]: rows[selected].map((value, k) => round(value + step * by[k])) });
     }
   });
+}
+
+/** The velocity, m/s of the table's time, with which the pointer was moved just now. */
+function velocityOf(trace) {
+  const now = seconds();
+  const [since, x0, y0] = trace.findLast(([time]) => time <= now - LATELY) ?? trace[0];
+  const [, x1, y1] = trace.at(-1);
+  const elapsed = Math.min(Math.max(now - since, 0.016), LATELY) * pace();
+  return [x1 - x0, y1 - y0].map((way) => Math.min(Math.max(round(way / elapsed), -FASTEST), FASTEST));
 }
 
 document.addEventListener("keydown", (event) => {
@@ -454,7 +472,7 @@ function fill() {
 
 function captions() {
   for (const one of lanes) {
-    const spread = paths && byId("fan").checked ? `ends up to ${distance(paths.spread[one.method])} apart` : "";
+    const spread = paths && byId("fan").checked ? `paths end up to ${distance(paths.spread[one.method])} apart` : "";
     const time = newest && one === lane ? `${newest.elapsed.toFixed(3)} s` : "";
     one.output.textContent = [spread, time].filter(Boolean).join(" · ");
   }

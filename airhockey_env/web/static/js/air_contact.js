@@ -10,7 +10,7 @@ const none = "no overlap is seen";
 
 /** The rows of the table: name, explanation, text of a contact, and whether it is what the page is about. */
 const ROWS = {
-  penetration_time: ["Penetration time tₚ", (c) => `${(1e3 * c.penetration_time).toFixed(4)} ms`, true],
+  penetration_time: ["Penetration time t<sub>p</sub>", (c) => `${(1e3 * c.penetration_time).toFixed(4)} ms`, true],
   between: ["Angle between the two normals", (c) => (c.between === null ? none : degrees(c.between)), true],
   ideal: ["Ideal-contact normal", (c) => degrees(c.ideal)],
   approximate: ["Approximate-contact normal", (c) => (c.approximate === null ? none : degrees(c.approximate))],
@@ -19,7 +19,7 @@ const ROWS = {
   projection: ["Projection of B₁ − A₁ on the A′ path", (c) => mm(c.projection)],
   shared_leg: ["Shared leg of the triangles", (c) => mm(c.shared_leg)],
   top_leg: ["Top leg of the small triangle", (c) => mm(c.top_leg)],
-  hypotenuse: ["Its hypotenuse, r_A + r_B", (c) => mm(c.hypotenuse)],
+  hypotenuse: ["Its hypotenuse, r<sub>A</sub> + r<sub>B</sub>", (c) => mm(c.hypotenuse)],
 };
 
 export class ContactPanel {
@@ -33,7 +33,7 @@ export class ContactPanel {
       row.className = important ? "key-number" : "";
       const head = document.createElement("th");
       head.scope = "row";
-      head.textContent = title;
+      head.innerHTML = title;
       row.append(head);
       this.#cells[name] = row.insertCell();
       this.#cells[name].id = `number-${name}`;

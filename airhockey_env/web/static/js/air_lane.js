@@ -35,7 +35,6 @@ function layers(palette, color) {
     [1.04, 0.14, 0.4, palette.black, 0.3],
     [1.0, 0.0, 0.0, dark, 1.0],
     [0.9, 0.0, 0.0, color, 1.0],
-    [0.14, 0.0, 0.0, palette.white, 0.9],
   ];
 }
 
