@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from agents.files import write_json
-from agents.options import JsonFile, check_output, make_folder
+from agents.options import JsonFile, check_output, check_ranges, make_folder
 from agents.tables import print_table
 from benchmarks import page
 from benchmarks.web import latency, load, pictures
@@ -46,8 +46,7 @@ def web_study(args: WebStudyArgs) -> None:
         DependencyNotInstalled: the browser, its driver or selenium are missing.
     """
     check_output("json", args.json, ".json")
-    if not 0.5 <= args.seconds <= 600.0 or not 1 <= args.trials <= 10_000:
-        raise ValueError(f"--seconds must be from 0.5 to 600 and --trials from 1 to 10000, got {args}")
+    check_ranges(args, seconds=(0.5, 600), trials=(1, 10_000))
     results: dict[str, Any] = {}
     tables: dict[str, page.Rows] = {}
     if args.only in (None, "latency"):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from agents.models import ModelPolicy, Player, in_one_game, join
 from agents.seeding import table_seeds
-from airhockey_env.checks import check_number
+from airhockey_env.checks import check_choice, check_number, check_whole
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT, RIGHT, SEATS
 from airhockey_env.kernel.tasks import TASKS
@@ -163,8 +163,7 @@ def play_points(
     """
     from tqdm import tqdm
 
-    if points < 1:
-        raise ValueError(f"points must be 1 or more, got {points}")
+    points = check_whole("points", points, 1)
     if name is None:
         name = opponent if isinstance(opponent, str) else "a policy"
     opponent_skill = check_number("opponent_skill", opponent_skill, 0.0, 1.0)
@@ -241,10 +240,8 @@ def play_task(
     """
     from tqdm import tqdm
 
-    if task not in SOLO_TASKS:
-        raise ValueError(f"task must be one of {SOLO_TASKS}, got {task!r}")
-    if episodes < 1:
-        raise ValueError(f"episodes must be 1 or more, got {episodes}")
+    check_choice("task", task, SOLO_TASKS)
+    episodes = check_whole("episodes", episodes, 1)
     seeds = table_seeds(purpose, seed, episodes, TASKS[task].number)
     player = resolve_player("policy", in_one_game(policy))
     at_once = _at_once(player)

@@ -7,6 +7,7 @@ import math
 from collections.abc import Collection
 from typing import Any
 
+from airhockey_env.checks import as_float, as_whole
 from airhockey_env.files import parse_json
 
 
@@ -52,30 +53,40 @@ class Message:
     def number(self, name: str, low: float, high: float, default: float = _REQUIRED) -> float:
         """A finite number from `low` to `high`."""
         value = self._take(name, default)
-        if not _is_number(value) or not low <= value <= high:
+        number = as_float(value)
+        if number is None or math.isinf(number) or not low <= number <= high:
             raise Refused(f"{name} must be a number from {low:g} to {high:g}, got {_shown(value)}")
-        return float(value)
+        return number
 
     def whole(self, name: str, low: int, high: int, default: int = _REQUIRED) -> int:
         """A whole number from `low` to `high`."""
         value = self._take(name, default)
-        if type(value) is not int or not low <= value <= high:
+        number = as_whole(value)
+        if number is None or not low <= number <= high:
             raise Refused(f"{name} must be a whole number from {low} to {high}, got {_shown(value)}")
-        return value
+        return number
 
     def numbers(self, name: str, count: int, bound: float) -> tuple[float, ...]:
-        """So many finite numbers, each from -bound to bound."""
+        """A tuple of `count` numbers, each from -bound to bound."""
         value = self._take(name, _REQUIRED)
-        good = isinstance(value, list) and len(value) == count
-        if not good or not all(_is_number(number) and abs(number) <= bound for number in value):
+        numbers = [as_float(one) for one in value] if isinstance(value, list) else []
+        within = tuple(number for number in numbers if number is not None and abs(number) <= bound)
+        if len(within) != count or len(numbers) != count:
             raise Refused(f"{name} must be {count} numbers from {-bound:g} to {bound:g}, got {_shown(value)}")
-        return tuple(float(number) for number in value)
+        return within
 
     def choice(self, name: str, options: Collection[str], default: str = _REQUIRED) -> str:
         """One of some texts."""
         value = self._take(name, default)
         if not isinstance(value, str) or value not in options:
             raise Refused(f"{name} must be one of {', '.join(options)}; got {_shown(value)}")
+        return value
+
+    def text(self, name: str, longest: int) -> str:
+        """A text of at most so many characters."""
+        value = self._take(name, _REQUIRED)
+        if not isinstance(value, str) or len(value) > longest:
+            raise Refused(f"{name} must be a text of at most {longest} characters, got {_shown(value)}")
         return value
 
     def flag(self, name: str, default: bool = _REQUIRED) -> bool:
@@ -104,13 +115,6 @@ def encode(content: dict[str, Any]) -> str:
         ValueError: a number is not finite, which JSON cannot say.
     """
     return json.dumps(content, separators=(",", ":"), allow_nan=False)
-
-
-def _is_number(value: Any) -> bool:
-    try:
-        return type(value) in (int, float) and math.isfinite(value)
-    except OverflowError:  # a whole number that no float holds
-        return False
 
 
 def _shown(value: Any) -> str:

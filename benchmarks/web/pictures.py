@@ -37,6 +37,7 @@ def draw(folder: Path, run: Path | None = None) -> list[Path]:
                 _play(browser, address, folder / "web_play.png", LAPTOP, dark=False),
                 _play(browser, address, folder / "web_phone.png", PHONE, dark=True),
                 _replay(browser, address, folder / "web_contacts.png", Path(place) / "match.npz"),
+                _air(browser, address, folder / "web_air.png"),
             ]
             if run is not None:
                 files.append(_run(browser, address, folder / "web_run.png"))
@@ -81,6 +82,21 @@ def _replay(browser: Browser, address: str, path: Path, file: Path) -> Path:
     browser.element("file").send_keys(str(file))
     browser.wait(lambda: browser.element("timeline").is_displayed(), "the replay does not open")
     browser.choose("scrubber", max(hits)[1] + 0.004)
+    time.sleep(0.5)
+    return _save(browser, path)
+
+
+def _air(browser: Browser, address: str, path: Path) -> Path:
+    """The pool shot at its contact, from all phases of the tick, with the triangles."""
+    browser.resize(1280, 900)
+    browser.open(f"{address}/air#scene=pool_shot")
+    browser.wait(lambda: browser.run("return window.state"), "the page does not load")
+    browser.click("run")
+    browser.choose("phase", 0.5)
+    browser.click("fan")
+    browser.wait(lambda: browser.text("said").startswith("Fanned"), "the paths are not fanned out")
+    browser.click("contact")
+    browser.wait(lambda: browser.text("said").startswith("Pucks"), "there is no contact")
     time.sleep(0.5)
     return _save(browser, path)
 

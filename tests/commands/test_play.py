@@ -56,7 +56,9 @@ def test_sounds_begin_and_end_in_silence_and_are_not_clipped(kind: str) -> None:
     assert abs(wave[-1]) < 400
 
 
-def test_sounds_play(pygame) -> None:
+def test_sounds_play(pygame, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SDL_AUDIODRIVER", "dummy")
+    pygame.mixer.quit()
     sounds = Sounds(2.0)
     assert sounds.working
     sounds.play([Event(kind, 0.5, x) for kind in KINDS for x in (-1.0, 1.0)])

@@ -28,7 +28,9 @@ def test_every_api_plays_as_plain_games_do(monkeypatch: pytest.MonkeyPatch) -> N
 
         def __init__(self, name: str, given: dict[str, Any], weird: tuple[str, ...] = ()) -> None:
             super().__init__(name, given, weird)
-            self.kind = () if self.refused else (name, given["task"], given["obs_type"], given.get("autoreset_mode"))
+            seen = "camera" if "camera" in given else None
+            kind = (name, given["task"], given["obs_type"], given.get("autoreset_mode"), seen)
+            self.kind = () if self.refused else kind
 
         def do(self, operation: dict[str, Any]) -> None:
             super().do(operation)
@@ -55,4 +57,4 @@ def test_every_api_plays_as_plain_games_do(monkeypatch: pytest.MonkeyPatch) -> N
         "pool",
     )
     modes = [mode.value for mode in AutoresetMode]
-    assert min(met[one] for one in (*done, "render", *FACES, *TASKS, *OBS_TYPES, *modes)) >= 3, met
+    assert min(met[one] for one in (*done, "render", "camera", *FACES, *TASKS, *OBS_TYPES, *modes)) >= 3, met

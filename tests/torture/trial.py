@@ -80,8 +80,6 @@ class Row:
         if opponent is not None:
             own["camera"] = own.get("camera"), None
         skill = skill[i] if isinstance(skill, list) else skill
-        camera = own.pop("camera", None)
-        own["camera"] = (camera, camera if opponent is None else None)
         mode_of_game = AutoresetMode.DISABLED
         self.game = Game(1, right=opponent, right_skill=skill, **own, autoreset_mode=mode_of_game, num_threads=1)
         if isinstance(opponent, list):

@@ -30,17 +30,24 @@ ROOT = Path(__file__).parents[2]
 
 FIELDS = {
     "start": {"opponent": "striker", "left": "goalie", "right": "expert", "table": "ideal", "skill": 0.5, "points": 3,
-              "speed": 2.0, "run": "none"},
-    "turn": {"pointer": [-0.5, 0.1], "contacts": True},
+              "speed": 2.0, "run": "none", "scene": "scene=large_and_small"},
+    "turn": {"pointer": [-0.5, 0.1], "contacts": True, "hold": [0, 0.1, 0.2]},
     "speed": {"speed": 50.0},
-    "step": {}, "restart": {}, "pause": {}, "resume": {}, "replay": {}, "": {}, "__init__": {}, "hello": {},
+    "add": {"position": [0.7, 0.0], "radius": 0.05, "mass": 1.0}, "remove": {"puck": 0, "method": "kiss"},
+    "change": {"puck": 0, "position": [0.7, 0.0], "velocity": [1.0, 2.0], "radius": 0.04, "mass": 2.0},
+    "settings": {"tick": 0.01, "restitution": 0.3, "wall_restitution": 0.3, "phase": 0.5},
+    "throw": {"puck": 0, "velocity": [3.0, 0.1]}, "fan": {}, "keep": {"method": "overlap"}, "reverse": {},
+    "step": {"until_contact": True}, "restart": {}, "pause": {}, "resume": {}, "replay": {}, "": {},
+    "__init__": {}, "hello": {},
 }  # fmt: skip
 """Types of messages, and fields that some session takes with them."""
 
 KNOWN = {
     "play": {"start": ("opponent", "table", "skill", "points"), "turn": ("pointer",)},
     "watch": {"start": ("left", "right", "table", "points", "speed"), "turn": ("contacts",), "speed": ("speed",)},
-}
+    "air": {"start": ("scene",), "turn": ("hold",), "speed": ("speed",), "step": ("until_contact",),
+            **{name: tuple(FIELDS[name]) for name in ("add", "remove", "change", "settings", "throw", "keep")}},
+}  # fmt: skip
 
 ODD_VALUES: tuple[Any, ...] = (
     None, True, 0, -1, 1e308, 10**400, -(2**63), 0.1, "", "striker", "../../etc/passwd", "\x00", "\ud83d\ude00",

@@ -27,9 +27,11 @@ export class Chart {
   /**
    * @param {string} title
    * @param {[number, number] | null} range - of the vertical axis; null: that of the values.
+   * @param {string} axis - what the horizontal axis shows.
    */
-  constructor(title, range = null) {
+  constructor(title, range = null, axis = "steps") {
     this.title = title;
+    this.axis = axis;
     this.range = range;
     this.figure = document.createElement("figure");
     this.figure.className = "chart";
@@ -55,7 +57,7 @@ export class Chart {
     this.figure.hidden = !this.lines.length;
     const last = this.lines.map(({ label, points }) => `${label} ${short(points.at(-1)[1])}`.trim()).join(", ");
     this.caption.textContent = `${this.title}: ${last}`;
-    this.canvas.setAttribute("aria-label", `${this.title}, over steps. Latest: ${last}`);
+    this.canvas.setAttribute("aria-label", `${this.title}, over ${this.axis}. Latest: ${last}`);
     this.draw();
   }
 

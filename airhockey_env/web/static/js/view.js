@@ -15,11 +15,13 @@ export class View {
   /**
    * @param {HTMLCanvasElement} canvas
    * @param {() => void} changed - called when everything has another size or place.
+   * @param {number} border - what is around the surface, m.
    */
-  constructor(canvas, changed) {
+  constructor(canvas, changed, border = View.RAIL + View.MARGIN) {
     this.canvas = canvas;
     this.context = canvas.getContext("2d");
     this.changed = changed;
+    this.border = border;
     this.upright = false;
     this.scale = 1;
     new ResizeObserver(() => this.#fit()).observe(canvas);
@@ -61,7 +63,7 @@ export class View {
       canvas.width = width;
       canvas.height = height;
     }
-    const [length, across] = this.#size.map((side) => side + 2 * (View.RAIL + View.MARGIN));
+    const [length, across] = this.#size.map((side) => side + 2 * this.border);
     const lying = Math.min(width / length, height / across);
     const standing = Math.min(height / length, width / across);
     this.upright = standing > lying;
