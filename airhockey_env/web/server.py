@@ -173,7 +173,6 @@ class Server:
                 max_msg_size=self.limits.message_bytes,
                 compress=False,  # or a short message could become a long one
                 autoping=False,  # they count as messages
-                heartbeat=self.limits.heartbeat_seconds,
                 timeout=1.0,
                 writer_limit=2**16,
             )
