@@ -31,7 +31,7 @@ HEADERS = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cache-Control": "no-cache",
 }
-"""Of every answer: pages load nothing from elsewhere, and nobody may frame them."""
+"""Headers of every answer: pages load nothing from elsewhere, and nobody may frame them."""
 
 _Result = TypeVar("_Result")
 
