@@ -234,7 +234,7 @@ class AirHockeyEnv(TableEnv, gym.Env):
         """
         game = self._game
         with game._threads.lock:  # as `one_at_a_time`, quickly
-            game.step(action)
+            game.play(game.check_actions(LEFT, action))
             out = game.out
             info = self._info_of(out.score[0].copy(), out.success.item())
             if self.render_mode == "human":

@@ -154,6 +154,7 @@ class Game:
         self.continuous = bool(continuous)
         self.control_hz = check_number("control_hz", control_hz, *CONTROL_RATES)
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
+        self._reset_by_hand = self.autoreset_mode is AutoresetMode.DISABLED
         self._threads = Threads(None if num_threads is None else check_whole("num_threads", num_threads, 1))
         self.ranges = check_randomize(self.spec, {} if randomize is None else randomize)
         self.randomized = () if randomize is None else tuple(randomize)
@@ -168,6 +169,7 @@ class Game:
         self.settings["autoreset"] = _AUTORESET[self.autoreset_mode]
         self.settings["randomized"] = bool(self.randomized)
         self.cameras = self._make_cameras(camera)
+        self._looked_through = any(one is not None for one in self.cameras)
 
         self.states = records(n, STATE)
         self.states["skill"][:, LEFT] = check_skill(left_skill, n, "left_skill")
@@ -399,7 +401,7 @@ class Game:
         right_actions = self._no_actions if right_actions is None else right_actions
         if not self.begun:
             raise ResetNeeded("reset every table before step")
-        if self.autoreset_mode is AutoresetMode.DISABLED:
+        if self._reset_by_hand:
             done = self.states["done"]
             if done[0] if n == 1 else done.any():
                 over = np.flatnonzero(done).tolist()
@@ -480,6 +482,7 @@ class Game:
             ValueError: no such camera.
         """
         self.cameras = self._make_cameras(camera)
+        self._looked_through = any(one is not None for one in self.cameras)
         self.states["side"] = 0
         self.begun = self.seeded = False
         self._keep_observations()
@@ -517,10 +520,10 @@ class Game:
                 machine_code(step_rows, first, last, *fixed, self._no_actions, self._no_actions, self.out)
             )
         _step_code[0](first, last, *fixed, left, right, self.out)
-        for seat in SEATS:
-            cameras = self.cameras[seat]
-            if cameras is not None:
-                follow_rows(first, last, seat, self.parameters, cameras, self.out)
+        if self._looked_through:
+            for seat, cameras in zip(SEATS, self.cameras, strict=True):
+                if cameras is not None:
+                    follow_rows(first, last, seat, self.parameters, cameras, self.out)
 
     def _refresh(self, rows: NDArray[np.int64]) -> None:
         """Bring the outputs of the given tables up to date after their states were changed from outside."""

@@ -13,7 +13,7 @@ import pytest
 
 from tests.helpers import Call
 
-os.environ.update(SDL_VIDEODRIVER="dummy", SDL_AUDIODRIVER="dummy", PYGAME_HIDE_SUPPORT_PROMPT="1")
+os.environ.update(SDL_VIDEODRIVER="dummy", PYGAME_HIDE_SUPPORT_PROMPT="1")
 
 
 @pytest.fixture
@@ -39,8 +39,9 @@ def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
 
 
 @pytest.fixture
-def pygame() -> Iterator[Any]:
+def pygame(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     """The library, with no window open before or after."""
+    monkeypatch.setenv("SDL_AUDIODRIVER", "dummy")  # PettingZoo sets another when it is imported
     module = pytest.importorskip("pygame", reason="needs pygame-ce")
     module.display.quit()
     yield module

@@ -126,7 +126,7 @@ class LiveMatch:
     positions: NDArray[np.float64]
     """(3, 2) m: left paddle, right paddle, puck, as they are to be drawn."""
     contacts: list[Contact]
-    """Those of the steps that the last `advance` has played, in order."""
+    """The contacts of the steps that the last `advance` has played, in order."""
     elapsed: float
     """s of play from the beginning of the match to what `positions` show."""
     resting: bool

@@ -32,27 +32,28 @@ class Connections:
 
     def __init__(self, server: web.Server, limits: Limits) -> None:
         self._server, self._limits = server, limits
-        self._silent: set[Any] = set()
+        self._silent: dict[Any, asyncio.TimerHandle] = {}  # new connections, and what will close them
 
     def __call__(self) -> asyncio.BaseProtocol:
         """The protocol of a new connection."""
         if len(self._server.connections) >= self._limits.connections:
             return _Refusal()
         protocol = self._server()
-        self._silent.add(protocol)
-        asyncio.get_running_loop().call_later(self._limits.first_request_seconds, self._expect, protocol)
+        wait = self._limits.first_request_seconds
+        self._silent[protocol] = asyncio.get_running_loop().call_later(wait, self._give_up, protocol)
         return protocol
 
     def heard(self, protocol: Any) -> None:
         """Note that a request has come over a connection."""
-        self._silent.discard(protocol)
+        timer = self._silent.pop(protocol, None)
+        if timer is not None:
+            timer.cancel()
 
-    def _expect(self, protocol: Any) -> None:
+    def _give_up(self, protocol: Any) -> None:
         """Close a connection that has been silent for too long."""
-        if protocol in self._silent:
-            self._silent.discard(protocol)
-            if protocol.transport is not None:
-                protocol.transport.abort()
+        del self._silent[protocol]
+        if protocol.transport is not None:
+            protocol.transport.abort()
 
 
 def drop(request: web.Request) -> None:

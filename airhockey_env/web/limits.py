@@ -29,7 +29,7 @@ class Limits(NamedTuple):
     idle_seconds: float = 900.0
     """s without a message after which a session ends."""
     heartbeat_seconds: float = 15.0
-    """s between the questions whether a visitor is still there; without an answer, the session ends."""
+    """s of silence after which a visitor is asked whether it is still there, and then for which its answer may take."""
     send_seconds: float = 10.0
     """s that a visitor may take to accept an answer."""
     first_request_seconds: float = 10.0

@@ -93,7 +93,7 @@ def _rows(table: Any) -> list[dict[str, Any]]:
 
 
 def _is_plain(value: Any) -> bool:
-    """Whether it is a finite number, or a few of them."""
+    """Return whether a value is a finite number or a short list of finite numbers."""
     if isinstance(value, list):
         return len(value) <= 4 and all(_is_plain(one) and not isinstance(one, list) for one in value)
     return type(value) in (int, float) and math.isfinite(value) and len(json.dumps(value)) < 30

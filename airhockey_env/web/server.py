@@ -31,7 +31,7 @@ HEADERS = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cache-Control": "no-cache",
 }
-"""Of every answer: pages load nothing from elsewhere, and nobody may frame them."""
+"""Headers of every answer: pages load nothing from elsewhere, and nobody may frame them."""
 
 _Result = TypeVar("_Result")
 
@@ -173,7 +173,6 @@ class Server:
                 max_msg_size=self.limits.message_bytes,
                 compress=False,  # or a short message could become a long one
                 autoping=False,  # they count as messages
-                heartbeat=self.limits.heartbeat_seconds,
                 timeout=1.0,
                 writer_limit=2**16,
             )

@@ -72,12 +72,23 @@ class Visitor:
         limits = self._limits
         messages = Allowance(limits.messages, limits.burst)
         work = Allowance(limits.share, limits.share_burst)
-        ends = time.perf_counter() + limits.idle_seconds
+        said = time.perf_counter()  # when the last message came
+        asked = False  # whether the page was asked for a sign of life since anything came of it
         while True:
+            left = said + limits.idle_seconds - time.perf_counter()
+            if left <= 0.0:
+                raise Refused(f"the page has said nothing for {limits.idle_seconds:g} s")
             try:
-                message = await self._socket.receive(max(0.001, ends - time.perf_counter()))
+                message = await self._socket.receive(min(left, limits.heartbeat_seconds))
             except asyncio.TimeoutError:
-                raise Refused(f"the page has said nothing for {limits.idle_seconds:g} s") from None
+                if left <= limits.heartbeat_seconds:
+                    continue
+                if asked:
+                    return drop(self._request)
+                asked = True
+                await self._socket.ping()
+                continue
+            asked = False
             if message.type in _ENDINGS:
                 return
             now = time.perf_counter()
@@ -88,7 +99,7 @@ class Visitor:
             elif message.type == WSMsgType.BINARY:
                 raise Refused("a message must be a text")
             elif message.type == WSMsgType.TEXT:
-                ends = now + limits.idle_seconds
+                said = now
                 answer = session.answer(message.data, now)
                 if callable(answer):
                     answer = await asyncio.get_running_loop().run_in_executor(self._jobs, answer)

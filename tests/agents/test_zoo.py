@@ -44,7 +44,7 @@ SMALL = {
 
 
 def hyperparameters_of(stem: str, env_id: str = IDS[0]) -> Hyperparameters:
-    """Those of a file in agents/hyperparams."""
+    """The hyperparameters of a file in agents/hyperparams."""
     return parsed(resolve(ZooArgs(env=env_id, hyperparams=HYPERPARAMS / f"{stem}.yml")))
 
 

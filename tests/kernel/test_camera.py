@@ -201,7 +201,7 @@ def test_noise_is_in_si_units_on_every_table() -> None:
     """The scales of the observation are each table's own, and change with the episode; the noise does not."""
 
     def errors(**arguments: Any) -> list[NDArray[np.float64]]:
-        """Of the puck, in m and m/s, in the second step of some episodes in which it rests."""
+        """What is seen of the puck, in m and m/s, in the second step of some episodes in which it rests."""
         cameras = Camera(noise_mm=5, velocity_frames=2), None
         envs, alone = (AirHockeyVectorEnv(5, opponent="idle", camera=camera, **arguments) for camera in cameras)
         envs.reset(seed=1), alone.reset(seed=1)

@@ -11,4 +11,4 @@ def test_hostile_visitors_disturb_nobody() -> None:
     outcome = asyncio.run(fuzz(messages=12_000, visitors=8, seed=0))
     assert not outcome.unexpected
     assert len(outcome.waits) > 20 and sorted(outcome.waits)[len(outcome.waits) // 2] < 0.1
-    assert outcome.memory[-1] < outcome.memory[0] + 100.0  # MiB: each session has a table, and Python keeps its memory
+    assert outcome.memory[-1] < outcome.memory[0] + 20.0  # MiB
