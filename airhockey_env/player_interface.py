@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from airhockey_env.cameras import Camera
 from airhockey_env.kernel.camera import (
     ARRIVES,
+    CAMERA_STATE,
     MOMENT,
     follow_rows,
     make_camera,
@@ -24,6 +25,8 @@ from airhockey_env.kernel.camera import (
 from airhockey_env.kernel.history import follow_history, longer, start_history
 from airhockey_env.kernel.outputs import Outputs
 from airhockey_env.kernel.state import AUTORESET_SAME_STEP, OBSERVATION_SIZE, ROW_SIZE
+
+_CAMERA_FLOATS = tuple(name for name in CAMERA_STATE.names or () if CAMERA_STATE[name].base.kind == "f")
 
 SIDES = ("left", "right")
 """What the fields of saved states begin with."""
@@ -110,29 +113,24 @@ class CameraPart(Part):
         self, saved: Mapping[str, NDArray[Any]], states: NDArray[np.void], parameters: NDArray[np.void]
     ) -> bool:
         state, queue, past = saved["camera"], saved["camera_queue"], saved["camera_past"]
-        camera, floats = (
-            self.arrays.camera[0],
-            [name for name in state.dtype.names if state.dtype[name].base.kind == "f"],
-        )
+        camera = self.arrays.camera[0]
         length, frames = queue.shape[1], past.shape[2]
         begun = states["side"] != 0
         due = np.floor((state["step"] + MOMENT) * camera["camera_hz"] / camera["control_hz"]) + 1
-        last = (
-            state["step"] + camera["delay"] + camera["jitter"] + 2.0 * MOMENT
-        )  # when the last frame so far can arrive
+        latest = state["step"] + camera["delay"] + camera["jitter"] + 2.0 * MOMENT  # that a frame so far can arrive
         per_disc = [
             [parameters[name] for name in ("per_x", "per_y", speed, speed)] for speed in ("per_paddle", "per_puck")
         ]
         scale = np.moveaxis(np.array(per_disc), -1, 0)
         return bool(
-            all(np.isfinite(array).all() for array in (*(state[name] for name in floats), queue, past))
+            all(np.isfinite(array).all() for array in (*(state[name] for name in _CAMERA_FLOATS), queue, past))
             and ((state["first"] >= 0) & (state["first"] < length)).all()
             and ((state["waiting"] >= 0) & (state["waiting"] <= length)).all()
             and ((state["known"] >= 0) & (state["known"] <= frames)).all()
             and ((state["next"] >= 0) & (state["next"] < frames)).all()
             and ((state["step"] == states["steps"]) | ~begun).all()
             and ((np.abs(state["frame"] - due) <= 1) | ~begun).all()
-            and (queue[..., ARRIVES].max(axis=1) <= last).all()
+            and (queue[..., ARRIVES].max(axis=1) <= latest).all()
             and ((state["scale"] == scale).all(axis=(1, 2)) | ~begun).all()
         )
 

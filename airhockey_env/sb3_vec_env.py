@@ -43,7 +43,7 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
     each table's own. What concerns the whole batch is called directly, through Stable-Baselines3's wrappers too.
 
     Pictures have an axis of channels, as Stable-Baselines3's `VecFrameStack` and `CnnPolicy` need it:
-    `obs_type="grayscale"` gives (84, 84, 1) here, and with a `stack` of pictures (stack, 84, 84), which are its channels.
+    `obs_type="grayscale"` gives (84, 84, 1) here, and with `stack=K` (K, 84, 84), where the pictures are the channels.
 
     Args:
         num_envs: number of tables.
@@ -51,8 +51,9 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
         num_threads: threads that share a large batch; None takes all cores. The results do not depend on it.
         render_mode: None or `"rgb_array"`.
         task, opponent, opponent_skill, table, obs_type, continuous, reward, control_hz, randomize, camera, stack,
-            render_size: as in `AirHockeyEnv`. `opponent` may also be a sequence, a pool whose members share the tables and that can
-            be changed while playing: see `pool`. `opponent_skill` may also be an array, one for each table.
+            render_size: as in `AirHockeyEnv`. `opponent` may also be a sequence, a pool whose members share the tables
+            and that can be changed while playing: see `pool`. `opponent_skill` may also be an array, one for each
+            table.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012

@@ -40,8 +40,8 @@ class AirHockeyVectorEnv(BatchEnv, VectorEnv):
             `"rgb_array_list"`, with which it returns a tuple of lists, the pictures of each table's episode since the
             last call, as with Gymnasium's `RenderCollection`.
         task, opponent, opponent_skill, table, obs_type, continuous, reward, control_hz, randomize, camera, stack,
-            render_size: as in `AirHockeyEnv`. A callable opponent is asked once a step, for all tables. `opponent` may also be a
-            sequence, a pool whose members share the tables and that can be changed while playing: see `pool`.
+            render_size: as in `AirHockeyEnv`. A callable opponent is asked once a step, for all tables. `opponent` may
+            also be a sequence, a pool whose members share the tables and that can be changed while playing: see `pool`.
             `opponent_skill` may also be an array, one for each table.
 
     Infos have Gymnasium's vector form: `score` (num_envs, 2), `foul` and `is_success` (num_envs,), and with `randomize`
