@@ -31,7 +31,7 @@ DATA = {
     "randomize": {"randomize": {"width": (1.0, 1.2), "puck_radius": (0.03, 0.045)}},
     "opponent": {"opponent": "goalie", "opponent_skill": 0.3, "continuous": False},
     "pictures": {"obs_type": "grayscale", "render_mode": "rgb_array", "render_size": (64, 48)},
-    "camera": {"camera": HEAVY},
+    "camera": {"camera": HEAVY, "stack": 4},
     "limit": {"max_episode_steps": 7},
     "no limit": {"max_episode_steps": -1},
 }
