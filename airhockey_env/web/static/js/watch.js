@@ -1,7 +1,7 @@
 /** The page "Watch": two players of the server, a training run's newest policy, or a replay. */
 import { Connection } from "./connection.js";
-import { Marks } from "./marks.js";
-import { byId, capital, everyPicture, seconds, setOptions } from "./page.js";
+import { COLORS, Marks } from "./marks.js";
+import { byId, capital, everyPicture, seconds, setOptions, showValue } from "./page.js";
 import { Playout } from "./playout.js";
 import { RunCurves } from "./run.js";
 import { drawShotClock } from "./shot_clock.js";
@@ -110,9 +110,17 @@ function speed() {
 
 function setPaused(now) {
   paused = now;
-  byId("pause").textContent = paused ? "Go on" : "Pause";
+  byId("pause").textContent = paused ? "Resume" : "Pause";
   byId("step").disabled = !paused;
   connection.send("speed", { speed: speed() });
+}
+
+/** Pause or go on; a replay that has ended begins again. */
+function togglePause() {
+  if (paused && replay !== null && replayTime >= replay.seconds) {
+    seek(0);
+  }
+  setPaused(!paused);
 }
 
 function step() {
@@ -129,10 +137,10 @@ byId("choices").addEventListener("submit", (event) => {
   closeReplay();
   start();
 });
-byId("pause").addEventListener("click", () => setPaused(!paused));
+byId("pause").addEventListener("click", togglePause);
 byId("step").addEventListener("click", step);
 byId("speed").addEventListener("input", () => {
-  byId("speed-shown").textContent = `× ${Number((10 ** Number(byId("speed").value)).toPrecision(2))}`;
+  showValue("speed", `× ${Number((10 ** Number(byId("speed").value)).toPrecision(2))}`);
   connection.send("speed", { speed: speed() });
 });
 document.addEventListener("keydown", (event) => {
@@ -141,7 +149,7 @@ document.addEventListener("keydown", (event) => {
   }
   if (event.code === "Space") {
     event.preventDefault();
-    setPaused(!paused);
+    togglePause();
   } else if (event.code === "Period" && paused) {
     step();
   }
@@ -162,11 +170,15 @@ async function openReplay(file) {
   name("left", replay.opponent ?? "right");
   byId("timeline").hidden = false;
   byId("scrubber").max = replay.seconds;
-  byId("said").textContent = `A replay of ${clockTime(replay.seconds)} minutes, played back to the bit`;
+  byId("said").textContent = `A replay of ${replay.seconds.toFixed(1)} s, played back to the bit`;
   seek(0);
+  setPaused(false);
 }
 
 function closeReplay() {
+  if (replay !== null) {
+    setPaused(false);
+  }
   replay = null;
   byId("timeline").hidden = true;
   if (match !== null) {
@@ -267,6 +279,7 @@ everyPicture(() => {
   if (replay !== null) {
     if (!paused) {
       seek(replayTime + elapsed * speed());
+      replayTime < replay.seconds || setPaused(true);
     }
     shown = replay.at(replayTime);
     note(shown);
@@ -286,4 +299,7 @@ everyPicture(() => {
   }
 });
 
+for (const [name, color] of Object.entries(COLORS)) {
+  byId(name).style.accentColor = color;
+}
 connection.open();
