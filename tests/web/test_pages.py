@@ -264,3 +264,20 @@ def test_a_training_run_is_watched_while_it_learns(browser: Browser, serve: Serv
     shutil.move(run / "part.json", run / "evaluations.json")
     browser.wait(lambda: browser.text("run-note") == "200 steps of 1,000", "its curves do not grow")
     assert "all points 0.5" in browser.run("return document.querySelector('.chart canvas').ariaLabel")
+
+
+def test_runs_and_players_are_chosen_from_one_list(browser: Browser, serve: Serve, tmp_path: Path) -> None:
+    for name, steps in (("one", 100), ("two", 200)):
+        (tmp_path / name).mkdir()
+        trained_policy("adept").save(tmp_path / name / "policy.npz")
+        rows = f'{{"evaluations": [{{"steps": {steps}, "win_rate": 0.5}}], "updates": []}}'
+        (tmp_path / name / "evaluations.json").write_text(rows)
+    browser.open(serve("--run", str(tmp_path / "one"), "--run", str(tmp_path / "two")))
+    browser.wait(lambda: browser.text("run-note") == "100 steps", "the first run is not shown")
+    browser.choose("left", "run two")
+    browser.click("new")
+    browser.wait(lambda: browser.text("run-note") == "200 steps", "the other run is not shown")
+    browser.choose("left", "goalie")
+    browser.click("new")
+    browser.wait(lambda: browser.text("left-name") == "Goalie", "no player plays")
+    assert not browser.element("side").is_displayed()
