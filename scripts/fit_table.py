@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
-from gymnasium.error import DependencyNotInstalled
 
 from agents.files import write_json
 from agents.options import JsonFile, PlotFile, TableName, check_output, check_ranges, check_table
@@ -58,10 +57,9 @@ def fit(args: FitTableArgs) -> None:
         ValueError, OSError: an argument or the file does not fit.
         DependencyNotInstalled: SciPy is missing.
     """
-    try:
-        import scipy  # noqa: F401
-    except ImportError as error:
-        raise DependencyNotInstalled('fit_table needs the extra "fit": pip install -e ".[fit]"') from error
+    from agents.fitting.estimates import check_scipy
+
+    check_scipy("fit_table needs")
     from agents.fitting.fit import SIZES, fit_table
     from agents.fitting.report import draw_fit, print_fit
     from agents.fitting.tracks import read_track
@@ -94,7 +92,7 @@ def write_demo(args: FitTableArgs) -> None:
     Raises:
         FileExistsError, FileNotFoundError: there is such a file already, or its folder does not exist.
     """
-    from agents.fitting.simulated import simulate_track
+    from agents.fitting.simulated import simulate_throws
     from agents.fitting.tracks import write_track
 
     assert args.demo is not None
@@ -102,7 +100,7 @@ def write_demo(args: FitTableArgs) -> None:
         raise FileExistsError(f"--demo writes TRACK.csv, and {args.track} exists already: choose another name")
     if not args.track.parent.is_dir():
         raise FileNotFoundError(f"--demo must write TRACK.csv into a folder that exists, got {args.track}")
-    write_track(args.track, simulate_track(check_table(args.table), args.demo, args.seed))
+    write_track(args.track, simulate_throws(check_table(args.table), args.demo, args.seed))
 
 
 def main() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.fitting.glides import Glides, place_at
+from agents.fitting.tracks import Track
 
 Array = NDArray[np.float64]
 
@@ -56,12 +58,13 @@ class Bounce(NamedTuple):
     """(3, 3) and with the drag, to which the starts are fitted again."""
 
 
-def find_bounces(glides: Glides) -> list[Bounce]:
-    """The bounces of a track on straight walls.
+def find_meetings(track: Track, glides: Glides) -> list[Bounce]:
+    """The meetings of two flights that can be bounces on walls.
 
-    Two flights bounce on a side wall if one follows the other, their paths meet, and the velocity across the table
-    changes its sign while the one along it does not; on an end wall it is the other way round. The wall is where most
-    such meetings on one side of the table agree. Others are strokes of a paddle, or bounces on a post.
+    Two flights can bounce on a side wall if one follows the other, their paths meet, and the velocity across the table
+    changes its sign while the one along it does not; on an end wall it is the other way round. The puck is nowhere
+    seen beyond that place, except through a goal, which is nearer to the middle of the table. Otherwise, it was the
+    stroke of a paddle.
     """
     meetings = [
         meeting
@@ -71,6 +74,22 @@ def find_bounces(glides: Glides) -> list[Bounce]:
         for axis in (0, 1)
         if (meeting := _meet(glides, k, axis)) is not None
     ]
+    frames = np.array([track.x, track.y])
+    middle = 0.5 * (frames.min(axis=1) + frames.max(axis=1))
+    return [meeting for meeting in meetings if not _crossed(meeting, frames, middle, glides.noise)]
+
+
+def _crossed(meeting: Bounce, frames: Array, middle: Array, noise: float) -> bool:
+    """Whether the puck was seen beyond the place of a meeting, as far from the middle of the table or farther."""
+    axis, side = meeting.wall
+    slack = SURE * math.hypot(noise, meeting.deviations[PLACE]) + AGREEING
+    beyond = side * (frames[axis] - meeting.values[PLACE]) > slack
+    outside = np.abs(frames[1 - axis] - middle[1 - axis]) >= abs(meeting.along - middle[1 - axis])
+    return bool((beyond & outside).any())
+
+
+def find_bounces(meetings: Sequence[Bounce]) -> list[Bounce]:
+    """The meetings that are bounces on straight walls: a wall is where most meetings on a side of the table agree."""
     walls = sorted({meeting.wall for meeting in meetings})
     found = [bounce for wall in walls for bounce in _most([m for m in meetings if m.wall == wall])]
     return _drop_outliers(sorted(found, key=lambda bounce: bounce.flight))
@@ -83,7 +102,10 @@ def _meet(glides: Glides, k: int, axis: int) -> Bounce | None:
     unknowns = np.concatenate([glides.starts[k], glides.starts[k + 1], glides.drag])
     if not (unknowns[2 + axis] * unknowns[6 + axis] < 0.0 < unknowns[3 - axis] * unknowns[7 - axis]):
         return None
-    values = _values(unknowns, between, axis)
+    with np.errstate(all="ignore"):  # a puck that stops before the wall has no share, and is refused below
+        values = _values(unknowns, between, axis)
+    if not np.isfinite(values).all():
+        return None
     up, down = (np.array([_values(unknowns + s * d, between, axis) for d in np.diag(STEPS)]) for s in (1.0, -1.0))
     changes = ((up - down) / (2.0 * STEPS[:, np.newaxis])).T
     by_before, by_after = changes[:, :4], changes[:, 4:8]
@@ -125,10 +147,8 @@ def _values(unknowns: Array, between: float, axis: int) -> Array:
     before, after, drag = unknowns[:4], unknowns[4:8], unknowns[8:]
     moment = between
     for _ in range(4):  # Newton's method; the paths are almost straight
-        (place, velocity), (later_place, later_velocity) = (
-            (p[:, 0], v[:, 0])
-            for p, v in (place_at(before, drag, np.array([moment])), place_at(after, drag, np.array([moment - between])))
-        )
+        place, velocity = (pair[:, 0] for pair in place_at(before, drag, np.array([moment])))
+        later_place, later_velocity = (pair[:, 0] for pair in place_at(after, drag, np.array([moment - between])))
         moment -= float((place[axis] - later_place[axis]) / (velocity[axis] - later_velocity[axis]))
     other = 1 - axis
     return np.array(

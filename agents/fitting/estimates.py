@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
 from agents.fitting.bounces import NORMAL, PLACE, TANGENTIAL, Bounce
@@ -53,6 +54,14 @@ class Estimates:
     """Where the puck's centre turns round, by axis and side, m."""
 
 
+def check_scipy(what: str) -> None:
+    """Raise DependencyNotInstalled if SciPy is missing; `what` is the beginning of the message."""
+    try:
+        import scipy  # noqa: F401
+    except ImportError as error:
+        raise DependencyNotInstalled(f'{what} the extra "fit": pip install -e ".[fit]"') from error
+
+
 def estimate(glides: Glides, bounces: Sequence[Bounce]) -> Estimates:
     """Combine the glides and bounces of a track."""
     from scipy.stats import norm, t
@@ -67,7 +76,8 @@ def estimate(glides: Glides, bounces: Sequence[Bounce]) -> Estimates:
     rows = [row for row in rows if row[1] == PLACE or counts[row[1]] >= FEWEST]
     kinds = np.array([kind for _, kind in rows], np.int64)
     walls = sorted({bounces[k].wall for k, kind in rows})
-    names: list[object] = [kind for kind in (NORMAL, TANGENTIAL) if (kinds == kind).any()] + walls
+    names: list[int | tuple[int, int]] = [kind for kind in (NORMAL, TANGENTIAL) if (kinds == kind).any()]
+    names += walls
     wanted = [bounces[k].wall if kind == PLACE else kind for k, kind in rows]
     design = np.array([[float(name == want) for name in names] for want in wanted]).reshape(len(rows), len(names))
     values = np.array([bounces[k].values[kind] for k, kind in rows])
@@ -89,11 +99,12 @@ def estimate(glides: Glides, bounces: Sequence[Bounce]) -> Estimates:
     spread = float(norm.isf(0.5 * (1.0 - LEVEL)))
     spreads = np.full(3 + len(names), spread)
     for k, name in enumerate(names):
-        count = sum(1 for want in wanted if want == name)
-        spreads[3 + k] = t.isf(0.5 * (1.0 - LEVEL), max(1, count - 1))
+        kind = PLACE if isinstance(name, tuple) else name
+        degrees = int(np.sum(kinds == kind)) - (len(walls) if kind == PLACE else 1)  # that tell the scatter
+        spreads[3 + k] = t.isf(0.5 * (1.0 - LEVEL), degrees)
     number = 3 + sum(1 for name in names if name in (NORMAL, TANGENTIAL))
     limits = np.array([[0.0, np.inf]] * 3 + [[0.0, 1.0]] * (number - 3))
-    bounded = _bounded(means[:number], errors[:number, :number], limits, spreads[:number])
+    bounded = _within(means[:number], errors[:number, :number], limits, spreads[:number])
     sides = np.sqrt(np.diag(errors))
     return Estimates(
         bounded[:3],
@@ -125,7 +136,7 @@ def _covariance(glides: Glides, bounces: Sequence[Bounce], rows: Sequence[tuple[
                 roots[flight] = np.linalg.cholesky(glides.start_covariances[flight])
             own[row, 4 * flight : 4 * flight + 4] = change[kind] @ roots[flight]
     own = own.tocsr()
-    return (own @ own.T).toarray() + by_drag @ glides.drag_covariance @ by_drag.T  # type: ignore[no-any-return]
+    return (own @ own.T).toarray() + by_drag @ glides.drag_covariance @ by_drag.T
 
 
 def _solve(values: Array, design: Array, covariance: Array) -> tuple[Array, Array]:
@@ -181,7 +192,7 @@ def _fall(
     return Estimate(float(means[1]), float(means[1]) - side, float(means[1]) + side)
 
 
-def _bounded(means: Array, covariance: Array, limits: Array, spreads: Array) -> list[Estimate]:
+def _within(means: Array, covariance: Array, limits: Array, spreads: Array) -> list[Estimate]:
     """The most likely numbers within their limits, and the intervals of their profile likelihoods.
 
     The interval of a number holds the values for which the best others within their limits fit almost as well.

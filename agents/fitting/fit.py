@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from agents.fitting.bounces import NORMAL, PLACE, TANGENTIAL, Bounce, find_bounces
+from agents.fitting.bounces import NORMAL, PLACE, TANGENTIAL, Bounce, find_bounces, find_meetings
 from agents.fitting.estimates import FEWEST, Estimate, Estimates, estimate
 from agents.fitting.flights import drop_glitches, find_flights, measure_noise
 from agents.fitting.glides import FEWEST_FRAMES, Glides, fit_glides
 from agents.fitting.tracks import Track
+from agents.fitting.turns import find_turn, turn
 from airhockey_env.tables import FIELDS, TableSpec
 
 FAINT_GLIDE = 0.1
@@ -38,8 +39,8 @@ class Field:
 
     value: float
     source: str
-    """`FITTED`: with a 95 % interval; `BOUNDED`: it is between what the track shows, and this is the middle; `GIVEN`: by
-    the caller; `KEPT`: that of the other table."""
+    """`FITTED`: with a 95 % interval; `BOUNDED`: the middle of a range outside of which it cannot be; `GIVEN`: by the
+    caller; `KEPT`: that of the other table."""
     low: float | None = None
     """Least and greatest value of the interval or range, where there is one."""
     high: float | None = None
@@ -55,12 +56,14 @@ class TableFit:
     fields: dict[str, Field]
     """All fields of the `TableSpec`, in its order."""
     track: Track
-    """Without glitches."""
+    """Without glitches, and turned to the table's axes."""
+    angle: float
+    """rad, counterclockwise from the axes of the given track to the table's."""
     glides: Glides
     bounces: list[Bounce]
     estimates: Estimates
     centre: tuple[float | None, float | None]
-    """m, the table's centre in the track's coordinates, where walls on both sides tell it."""
+    """m, the table's centre in the coordinates of this track, where walls on both sides tell it."""
 
     def as_dict(self) -> dict[str, Any]:
         """The table, its fields with their intervals, and what else the track tells, for JSON."""
@@ -73,6 +76,7 @@ class TableFit:
             "flights": len(self.glides.flights),
             "flights_dropped": self.glides.dropped,
             "bounces": len(self.bounces),
+            "angle": self.angle,
             "centre": list(self.centre),
             "scatter_of_wall_restitution": self.estimates.scatter.get(NORMAL),
             "scatter_of_wall_tangential": self.estimates.scatter.get(TANGENTIAL),
@@ -84,7 +88,7 @@ def fit_table(track: Track, base: TableSpec, known: Mapping[str, float] | None =
     """Fit a table to the track of a puck on it.
 
     Args:
-        track: where the puck was seen. The axes are those of the table, wherever their origin is.
+        track: where the puck was seen. Its axes are those of the table to within 3 degrees, and have any origin.
         base: the table whose values the fields that the track does not tell keep.
         known: values of some of `SIZES`.
 
@@ -94,13 +98,12 @@ def fit_table(track: Track, base: TableSpec, known: Mapping[str, float] | None =
     known = {} if known is None else dict(known)
     noise = measure_noise(track)
     track = drop_glitches(track, noise)
-    glides = fit_glides(track, find_flights(track, noise), noise)
-    if glides is None:
-        raise ValueError(
-            f"the track must show the puck glide freely and straight, in {FEWEST_FRAMES} frames or more, and it "
-            "nowhere does"
-        )
-    bounces = find_bounces(glides)
+    glides, meetings = _glides_and_meetings(track, noise)
+    angle = find_turn(meetings)
+    if angle != 0.0:
+        track = turn(track, angle)
+        glides, meetings = _glides_and_meetings(track, noise)
+    bounces = find_bounces(meetings)
     told = estimate(glides, bounces)
     fields = {name: Field(getattr(base, name), KEPT, note="a track of the puck does not tell it") for name in FIELDS}
     fields.update({name: Field(value, GIVEN) for name, value in known.items()})
@@ -114,7 +117,18 @@ def fit_table(track: Track, base: TableSpec, known: Mapping[str, float] | None =
         spec = TableSpec(**{name: field.value for name, field in fields.items()})
     except ValueError as error:
         raise ValueError(f"what the track tells and what was given or kept do not make a table: {error}") from error
-    return TableFit(spec, fields, track, glides, bounces, told, (centre[0], centre[1]))
+    return TableFit(spec, fields, track, angle, glides, bounces, told, (centre[0], centre[1]))
+
+
+def _glides_and_meetings(track: Track, noise: float) -> tuple[Glides, list[Bounce]]:
+    """All flights of a track, and those that meet."""
+    glides = fit_glides(track, find_flights(track, noise), noise)
+    if glides is None:
+        raise ValueError(
+            f"the track must show the puck glide freely and straight, in {FEWEST_FRAMES} frames or more, and it "
+            "nowhere does"
+        )
+    return glides, find_meetings(track, glides)
 
 
 def _glide_fields(glides: Glides, told: Estimates, base: TableSpec) -> dict[str, Field]:
@@ -136,9 +150,7 @@ def _wall_fields(told: Estimates, base: TableSpec) -> dict[str, Field]:
             one = told.shares[kind]
             fields[name] = Field(one.value, FITTED, one.low, one.high)
         else:
-            fields[name] = Field(
-                getattr(base, name), KEPT, note=f"the track shows fewer than {FEWEST} clear bounces"
-            )
+            fields[name] = Field(getattr(base, name), KEPT, note=f"the track shows fewer than {FEWEST} clear bounces")
     return fields
 
 
@@ -188,7 +200,7 @@ def _sizes(told: Estimates, base: TableSpec, known: Mapping[str, float]) -> dict
             )
             continue
         value, own = 2.0 * (reach.value + radius), 2.0 * math.hypot(reach.high - reach.value, side)
-        fields[name] = Field(value, FITTED, value - own, value + own, note=f"it rests on {rests}, {radius:.5g} m")
+        fields[name] = Field(value, FITTED, value - own, value + own, note=f"given {rests}, {radius:.5g} m")
     return fields
 
 

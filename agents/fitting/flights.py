@@ -8,7 +8,6 @@ partitioning of data on an interval", 2005).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agents.fitting.tracks import Track
 from airhockey_env.compiled import compiled

@@ -20,6 +20,8 @@ SHORTEST_WAY = 20.0
 """Standard deviations of the noise that a puck must travel in a flight, to have a direction."""
 UNLIKELY = 1e-5
 """Probability of residuals as large as a flight's, below which it was not a free glide."""
+LEAST_SPEED = 1e-6
+"""m/s: a puck at rest has no direction."""
 ROUNDS = 8
 STEPS = np.array([1e-4, 1e-4, 1e-4])
 """Steps in the three coefficients for finite differences."""
@@ -94,7 +96,7 @@ _NODES, _WEIGHTS = 0.5 + 0.5 * _NODES, 0.5 * _WEIGHTS
 
 def slide(times: Array, speed: float, drag: Array) -> Array:
     """Distances, m, and speeds, m/s, of a puck `times` s after it had `speed`: (2, n)."""
-    return _slide(times, speed, *drag.tolist(), _NODES, _WEIGHTS)  # type: ignore[no-any-return]
+    return _slide(times, speed, *drag.tolist(), _NODES, _WEIGHTS)
 
 
 def fit_glides(track: Track, bounds: list[tuple[int, int]], noise: float) -> Glides | None:
@@ -146,7 +148,7 @@ def _fit(flights: list[Flight], drag: Array, starts: list[Array], found: int) ->
             right += own.T @ left
             squares += float(left @ left)
         variance = squares / max(1, sum(2 * len(flight.time) - 4 for flight in flights) - 3)
-        covariance = np.linalg.inv(normal / variance + prior)
+        covariance: Array = np.linalg.inv(normal / variance + prior)
         change = covariance @ (right / variance - prior @ drag)
         drag = drag + change
         for k, (residual, by_start, by_drag) in enumerate(parts):
@@ -169,7 +171,7 @@ def _fit(flights: list[Flight], drag: Array, starts: list[Array], found: int) ->
 
 def place_at(start: Array, drag: Array, times: Array) -> tuple[Array, Array]:
     """Places, m, and velocities, m/s, of a flight `times` s after its first frame: (2, n) each."""
-    speed = float(np.hypot(start[2], start[3]))
+    speed = max(float(np.hypot(start[2], start[3])), LEAST_SPEED)
     direction = start[2:, np.newaxis] / speed
     way, speeds = slide(times, speed, drag)
     return start[:2, np.newaxis] + direction * way, direction * speeds
@@ -178,7 +180,7 @@ def place_at(start: Array, drag: Array, times: Array) -> tuple[Array, Array]:
 def _linearize(flight: Flight, start: Array, drag: Array) -> tuple[Array, Array, Array]:
     """Residuals (2n,), and the changes of the fitted places with the start (2n, 4) and with the drag (2n, 3)."""
     times, n = flight.time, len(flight.time)
-    speed = float(np.hypot(start[2], start[3]))
+    speed = max(float(np.hypot(start[2], start[3])), LEAST_SPEED)
     direction = start[2:] / speed
     way = slide(times, speed, drag)[0]
     step = 1e-4 * speed
@@ -202,5 +204,5 @@ def _linearize(flight: Flight, start: Array, drag: Array) -> tuple[Array, Array,
 def _turned(flight: Flight, start: Array, drag: Array) -> Array:
     """Residuals along and across the path, (2, n)."""
     residual = flight.place - place_at(start, drag, flight.time)[0]
-    along, across = start[2:] / np.hypot(start[2], start[3])
+    along, across = start[2:] / max(float(np.hypot(start[2], start[3])), LEAST_SPEED)
     return np.array([[along, across], [-across, along]]) @ residual

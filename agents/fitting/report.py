@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -77,8 +78,10 @@ def remarks(fit: TableFit) -> list[str]:
         )
     if any(field.source == BOUNDED for field in fit.fields.values()):
         lines.append("A bounded field lies anywhere in its range, which is no confidence interval.")
+    if fit.angle != 0.0:
+        lines.append(f"The track was turned by {math.degrees(-fit.angle):.3f}°, so that its axes are the table's.")
     if fit.centre[0] is not None and fit.centre[1] is not None:
-        lines.append(f"The table's centre is at ({fit.centre[0]:.4f}, {fit.centre[1]:.4f}) m in the track.")
+        lines.append(f"The table's centre is at ({fit.centre[0]:.4f}, {fit.centre[1]:.4f}) m in these axes.")
     return lines
 
 
