@@ -26,6 +26,8 @@ LEVEL = 0.95
 """Of all intervals."""
 FEWEST = 3
 """Bounces that tell a share, and how much it scatters."""
+ROUNDING = 1e-9
+"""Relative variance that is added to each value, so that their covariance can be inverted."""
 
 
 class Estimate(NamedTuple):
@@ -136,7 +138,8 @@ def _covariance(glides: Glides, bounces: Sequence[Bounce], rows: Sequence[tuple[
                 roots[flight] = np.linalg.cholesky(glides.start_covariances[flight])
             own[row, 4 * flight : 4 * flight + 4] = change[kind] @ roots[flight]
     own = own.tocsr()
-    return (own @ own.T).toarray() + by_drag @ glides.drag_covariance @ by_drag.T
+    total = (own @ own.T).toarray() + by_drag @ glides.drag_covariance @ by_drag.T
+    return total + ROUNDING * np.diag(np.diag(total))
 
 
 def _solve(values: Array, design: Array, covariance: Array) -> tuple[Array, Array]:

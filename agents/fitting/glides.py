@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.fitting.flights import LEAST_NOISE
 from agents.fitting.tracks import Track
 from airhockey_env.compiled import compiled
 from airhockey_env.engine.motion import glide_coefficients
@@ -25,7 +26,9 @@ LEAST_SPEED = 1e-6
 ROUNDS = 8
 STEPS = np.array([1e-4, 1e-4, 1e-4])
 """Steps in the three coefficients for finite differences."""
-FAINT = np.array([1.0, 10.0, 10.0])
+ROUGHEST = 3.0
+"""Times the noise from frame to frame that the residuals of glides may be: lenses bend straight paths a little."""
+FAINT = np.array([1.0, 3.0, 3.0])
 """m/s**2, 1/s, 1/m: standard deviations of the prior on the coefficients, whose mean is 0. It is so wide that it only
 matters for what the track does not tell at all."""
 
@@ -107,7 +110,7 @@ def fit_glides(track: Track, bounds: list[tuple[int, int]], noise: float) -> Gli
     Args:
         track: the frames.
         bounds: (first, last + 1) frames of each flight.
-        noise: m, a first guess.
+        noise: m, from frame to frame.
     """
     from scipy.stats import chi2
 
@@ -123,7 +126,7 @@ def fit_glides(track: Track, bounds: list[tuple[int, int]], noise: float) -> Gli
         fit = _fit(flights, drag, starts, found)
         degrees = np.array([2 * len(flight.time) - 4 for flight in flights])
         squares = np.array([np.sum(one**2) for one in fit.residuals])
-        variance = float(np.median(squares / degrees))
+        variance = min(max(float(np.median(squares / degrees)), LEAST_NOISE**2), (ROUGHEST * noise) ** 2)
         free = squares <= variance * chi2.isf(UNLIKELY, degrees)
         if free.all():
             return fit
@@ -136,8 +139,6 @@ def fit_glides(track: Track, bounds: list[tuple[int, int]], noise: float) -> Gli
 def _fit(flights: list[Flight], drag: Array, starts: list[Array], found: int) -> Glides:
     """Gauss and Newton's method. The starts are eliminated: what is left of each flight are three equations."""
     starts = list(starts)
-    prior = np.diag(FAINT**-2.0)
-    variance = 1.0
     for _ in range(ROUNDS):
         parts = [_linearize(flight, start, drag) for flight, start in zip(flights, starts, strict=True)]
         normal, right, squares = np.zeros((3, 3)), np.zeros(3), 0.0
@@ -147,9 +148,12 @@ def _fit(flights: list[Flight], drag: Array, starts: list[Array], found: int) ->
             normal += own.T @ own
             right += own.T @ left
             squares += float(left @ left)
-        variance = squares / max(1, sum(2 * len(flight.time) - 4 for flight in flights) - 3)
-        covariance: Array = np.linalg.inv(normal / variance + prior)
-        change = covariance @ (right / variance - prior @ drag)
+        variance = max(squares / (sum(2 * len(flight.time) - 4 for flight in flights) - 3), LEAST_NOISE**2)
+        # Scaled by the prior, whose inverse covariance is then 1, no rounding can make this indefinite.
+        values, vectors = np.linalg.eigh(normal / variance * np.outer(FAINT, FAINT))
+        root = FAINT[:, np.newaxis] * vectors / np.sqrt(1.0 + values.clip(0.0))
+        covariance = root @ root.T
+        change = covariance @ (right / variance - drag / FAINT**2)
         drag = drag + change
         for k, (residual, by_start, by_drag) in enumerate(parts):
             starts[k] = starts[k] + np.linalg.lstsq(by_start, residual - by_drag @ change, rcond=None)[0]
