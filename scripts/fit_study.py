@@ -7,17 +7,12 @@ from pathlib import Path
 from typing import Any, Literal
 
 from agents.files import write_json
+from agents.fitting.estimates import check_scipy
 from agents.options import Count, JsonFile, check_output, check_ranges
 from agents.tables import print_table
 from benchmarks import page
+from benchmarks.fit import recovery
 from scripts._command import run_command
-
-PARTS = ("thrown", "played", "thrown_slow")
-TITLES = {
-    "thrown": "A thrown puck, seen by the camera ROBOT",
-    "played": "A match of two strikers, seen by the camera ROBOT",
-    "thrown_slow": "A thrown puck, seen by a camera of 60 Hz with a noise of 3 mm",
-}
 
 
 @dataclass(frozen=True)
@@ -49,16 +44,14 @@ def fit_study(args: FitStudyArgs) -> None:
     """
     from tqdm import tqdm
 
-    from agents.fitting.estimates import check_scipy
-
     check_scipy("fit_study needs")
-    from benchmarks.fit import recovery
-
     check_ranges(args, tables=(1, 10**6), seconds=(5, 300), seed=(0, 10**9))
     check_output("json", args.json)
     check_output("page", args.page)
-    parts = PARTS if args.only is None else (args.only,)
+    parts = list(recovery.PARTS) if args.only is None else [args.only]
     if args.page is not None:
+        if not args.page.is_file():
+            raise FileNotFoundError(f"--page must be a page that exists, got {args.page}")
         text = args.page.read_text(encoding="utf-8")
         for part in parts:
             page.check(text, part)
@@ -76,7 +69,7 @@ def fit_study(args: FitStudyArgs) -> None:
         )
         results[part] = recovery.summarize(found)
         cells = recovery.table(results[part])
-        print_table(TITLES[part], cells)
+        print_table(recovery.PARTS[part].title, cells)
         if args.json is not None:
             write_json(args.json, results)
         if args.page is not None:

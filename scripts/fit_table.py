@@ -10,6 +10,11 @@ from typing import Annotated
 import tyro
 
 from agents.files import write_json
+from agents.fitting.estimates import check_scipy
+from agents.fitting.fit import SIZES, fit_table
+from agents.fitting.report import draw_fit, print_fit
+from agents.fitting.simulated import simulate_throws
+from agents.fitting.tracks import read_track, write_track
 from agents.options import JsonFile, PlotFile, TableName, check_output, check_ranges, check_table
 from airhockey_env.tables import LEAST
 from scripts._command import run_command
@@ -19,6 +24,7 @@ TRACK_HELP = (
     "the puck's centre, sorted by time. Leave out frames in which the puck was not seen."
 )
 LARGEST = 10.0
+"""m, the largest size that can be given."""
 
 
 @dataclass(frozen=True)
@@ -57,13 +63,7 @@ def fit(args: FitTableArgs) -> None:
         ValueError, OSError: an argument or the file does not fit.
         DependencyNotInstalled: SciPy is missing.
     """
-    from agents.fitting.estimates import check_scipy
-
     check_scipy("fit_table needs")
-    from agents.fitting.fit import SIZES, fit_table
-    from agents.fitting.report import draw_fit, print_fit
-    from agents.fitting.tracks import read_track
-
     check_ranges(args, **dict.fromkeys(SIZES, (LEAST, LARGEST)), demo=(5, 300), seed=(0, 10**9))
     check_output("out", args.out, ".json")
     check_output("json", args.json)
@@ -92,9 +92,6 @@ def write_demo(args: FitTableArgs) -> None:
     Raises:
         FileExistsError, FileNotFoundError: there is such a file already, or its folder does not exist.
     """
-    from agents.fitting.simulated import simulate_throws
-    from agents.fitting.tracks import write_track
-
     assert args.demo is not None
     if args.track.exists():
         raise FileExistsError(f"--demo writes TRACK.csv, and {args.track} exists already: choose another name")

@@ -36,12 +36,20 @@ FITTED_FIELDS = tuple(name for name in RANGES if name != "puck_radius")
 SLOW = dataclasses.replace(ROBOT, camera_hz=60, delay_ms=25, noise_mm=3.0)
 """A camera with half of the frames and three times the noise."""
 
-TRACKS: dict[str, tuple[Callable[[TableSpec, float, int, Camera], Track], Camera]] = {
-    "thrown": (simulate_throws, ROBOT),
-    "played": (simulate_play, ROBOT),
-    "thrown_slow": (simulate_throws, SLOW),
+
+class Part(NamedTuple):
+    """A way in which tracks come about."""
+
+    title: str
+    simulate: Callable[[TableSpec, float, int, Camera], Track]
+    camera: Camera
+
+
+PARTS = {
+    "thrown": Part("A thrown puck, seen by the camera ROBOT", simulate_throws, ROBOT),
+    "played": Part("Points between two strikers, seen by the camera ROBOT", simulate_play, ROBOT),
+    "thrown_slow": Part("A thrown puck, seen by a camera of 60 Hz with a noise of 3 mm", simulate_throws, SLOW),
 }
-"""How the tracks of each part come about."""
 
 
 class Recovery(NamedTuple):
@@ -61,11 +69,10 @@ def draw_table(rng: np.random.Generator) -> TableSpec:
 
 def recover(part: str, tables: int, seconds: float, seed: int) -> Iterator[Recovery]:
     """Draw tables, watch a puck on each for a while, and fit what the camera saw."""
-    simulate, camera = TRACKS[part]
     for k in range(tables):
         rng = np.random.default_rng([seed, k])
         spec = draw_table(rng)
-        track = simulate(spec, seconds, int(rng.integers(2**31)), camera)
+        track = PARTS[part].simulate(spec, seconds, int(rng.integers(2**31)), PARTS[part].camera)
         yield Recovery(spec, fit_table(track, FULL_SIZE, {"puck_radius": spec.puck_radius}).fields)
 
 
