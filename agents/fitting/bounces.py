@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.fitting.glides import Glides, place_at
+from agents.fitting.glides import FEWEST_FRAMES, Glides, place_at
 from agents.fitting.tracks import Track
 
 Array = NDArray[np.float64]
@@ -42,6 +42,8 @@ class Bounce(NamedTuple):
     """Number of the flight that ends; the next one begins."""
     wall: tuple[int, int]
     """Axis (0: an end wall, 1: a side wall) and side (-1 or 1) of the wall."""
+    time: float
+    """s, when it happened."""
     along: float
     """Where on the wall the puck's centre was, m: its other coordinate."""
     approach: float
@@ -88,6 +90,22 @@ def _crossed(meeting: Bounce, frames: Array, middle: Array, noise: float) -> boo
     return bool((beyond & outside).any())
 
 
+def cut_again(
+    track: Track, glides: Glides, bounds: list[tuple[int, int]], meetings: list[Bounce]
+) -> list[tuple[int, int]]:
+    """The bounds of the flights, cut at the moments at which their paths meet.
+
+    The first cut gives a frame that is close to a bounce to the flight that its own noise favours. Such frames would
+    pull both paths away from the wall.
+    """
+    moved = {}
+    for meeting in meetings:
+        before, after = glides.flights[meeting.flight : meeting.flight + 2]
+        cut = int(np.searchsorted(track.time, meeting.time))
+        moved[after.first] = min(max(cut, before.first + FEWEST_FRAMES), after.first + len(after.time) - FEWEST_FRAMES)
+    return [(moved.get(first, first), moved.get(end, end)) for first, end in bounds]
+
+
 def find_bounces(meetings: Sequence[Bounce]) -> list[Bounce]:
     """The meetings that are bounces on straight walls: a wall is where most meetings on a side of the table agree."""
     walls = sorted({meeting.wall for meeting in meetings})
@@ -103,10 +121,13 @@ def _meet(glides: Glides, k: int, axis: int) -> Bounce | None:
     if not (unknowns[2 + axis] * unknowns[6 + axis] < 0.0 < unknowns[3 - axis] * unknowns[7 - axis]):
         return None
     with np.errstate(all="ignore"):  # a puck that stops before the wall has no share, and is refused below
-        values = _values(unknowns, between, axis)
+        values = _values(unknowns, between, axis, between)
     if not np.isfinite(values).all():
         return None
-    up, down = (np.array([_values(unknowns + s * d, between, axis) for d in np.diag(STEPS)]) for s in (1.0, -1.0))
+    moment = float(values[_MOMENT])
+    steps = np.diag(STEPS)
+    up = np.array([_values(unknowns + step, between, axis, moment) for step in steps])
+    down = np.array([_values(unknowns - step, between, axis, moment) for step in steps])
     changes = ((up - down) / (2.0 * STEPS[:, np.newaxis])).T
     by_before, by_after = changes[:, :4], changes[:, 4:8]
     by_drag = changes[:, 8:] + by_before @ glides.pulls[k] + by_after @ glides.pulls[k + 1]
@@ -115,7 +136,7 @@ def _meet(glides: Glides, k: int, axis: int) -> Bounce | None:
     covariance += by_after @ glides.start_covariances[k + 1] @ by_after.T
     deviations = np.sqrt(np.diag(covariance))
     slack = SURE * deviations[_MOMENT] + 1e-3
-    if not before.time[-1] - slack <= values[_MOMENT] <= between + slack:
+    if not before.time[-1] - slack <= moment <= between + slack:
         return None
     if abs(values[_APART]) > SURE * deviations[_APART] + TOLERANCE:
         return None
@@ -126,6 +147,7 @@ def _meet(glides: Glides, k: int, axis: int) -> Bounce | None:
     return Bounce(
         k,
         (axis, 1 if unknowns[2 + axis] > 0.0 else -1),
+        before.begin + moment,
         float(values[_ALONG]),
         float(values[_NORMAL_SPEED]),
         values[:3],
@@ -136,17 +158,17 @@ def _meet(glides: Glides, k: int, axis: int) -> Bounce | None:
     )
 
 
-def _values(unknowns: Array, between: float, axis: int) -> Array:
+def _values(unknowns: Array, between: float, axis: int, moment: float) -> Array:
     """What the paths of two flights tell of the bounce between them, (8,); see the names above.
 
     Args:
         unknowns: (11,) the start of the flight before, that of the flight after, and the drag.
         between: s from the first frame of the one to the first frame of the other.
         axis: of the wall's normal.
+        moment: s from the first frame of the first flight to the bounce, about.
     """
     before, after, drag = unknowns[:4], unknowns[4:8], unknowns[8:]
-    moment = between
-    for _ in range(4):  # Newton's method; the paths are almost straight
+    for _ in range(2):  # Newton's method; the paths are almost straight
         place, velocity = (pair[:, 0] for pair in place_at(before, drag, np.array([moment])))
         later_place, later_velocity = (pair[:, 0] for pair in place_at(after, drag, np.array([moment - between])))
         moment -= float((place[axis] - later_place[axis]) / (velocity[axis] - later_velocity[axis]))

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from agents.fitting.bounces import NORMAL, PLACE, TANGENTIAL, Bounce, find_bounces, find_meetings
+from agents.fitting.bounces import NORMAL, PLACE, TANGENTIAL, Bounce, cut_again, find_bounces, find_meetings
 from agents.fitting.estimates import FEWEST, Estimate, Estimates, estimate
 from agents.fitting.flights import drop_glitches, find_flights, measure_noise
 from agents.fitting.glides import FEWEST_FRAMES, Glides, fit_glides
@@ -122,7 +122,11 @@ def fit_table(track: Track, base: TableSpec, known: Mapping[str, float] | None =
 
 def _glides_and_meetings(track: Track, noise: float) -> tuple[Glides, list[Bounce]]:
     """All flights of a track, and those that meet."""
-    glides = fit_glides(track, find_flights(track, noise), noise)
+    bounds = find_flights(track, noise)
+    glides = fit_glides(track, bounds, noise)
+    if glides is not None:
+        bounds = cut_again(track, glides, bounds, find_meetings(track, glides))
+        glides = fit_glides(track, bounds, noise)
     if glides is None:
         raise ValueError(
             f"the track must show the puck glide freely and straight, in {FEWEST_FRAMES} frames or more, and it "
