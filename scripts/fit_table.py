@@ -71,6 +71,8 @@ def fit(args: FitTableArgs) -> None:
     base = check_table(args.table)
     if args.demo is not None:
         write_demo(args)
+    if not args.track.is_file():
+        raise FileNotFoundError(f"TRACK.csv must be a file that exists, got {args.track}")
     known = {name: getattr(args, name) for name in SIZES if getattr(args, name) is not None}
     track = read_track(args.track)
     try:

@@ -20,6 +20,8 @@ from airhockey_env.tables import FIELDS, TableSpec
 
 FAINT_GLIDE = 0.1
 """m/s**2: if the deceleration is not known to that, at the median speed, the track does not tell it."""
+IN_GOAL = 5.0
+"""Standard deviations of the noise beyond an end wall, from which on the puck is in a goal."""
 SURE = 3.0
 """Standard deviations that are allowed for where the width of the goal is bounded."""
 CLOSE = 0.1
@@ -27,8 +29,6 @@ CLOSE = 0.1
 DRAG = ("drag_constant", "drag_linear", "drag_quadratic")
 SIZES = ("length", "width", "puck_radius", "goal_width")
 """The fields that a caller can know."""
-
-
 FITTED, BOUNDED, GIVEN, KEPT = "fitted", "bounded", "given", "kept"
 """Where the value of a field comes from; see `Field`."""
 
@@ -225,7 +225,7 @@ def _goal(
     high = 2.0 * min(beside)
     low = 2.0 * radius
     depth = np.abs(track.x - middle[0]) - reach.value  # of the puck's rim behind the end wall
-    inside = depth > SURE * noise
+    inside = depth > IN_GOAL * noise
     if inside.any():
         # The rim touches a post at most: the centre is as far from it as the radius.
         short = np.clip(radius - depth[inside], 0.0, radius)

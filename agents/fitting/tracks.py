@@ -14,7 +14,8 @@ from agents.files import MOST_BYTES
 from airhockey_env.files import replace
 
 COLUMNS = ("time", "x", "y")
-FEWEST_ROWS = 20
+FEWEST_ROWS, MOST_ROWS = 20, 100_000
+"""Of a file. The most are a quarter of an hour at 120 Hz; the memory of a fit grows with the square of the bounces."""
 FARTHEST = 10.0
 """m from the origin. No table is as large, so numbers beyond it are in another unit."""
 
@@ -35,8 +36,9 @@ def read_track(path: Path) -> Track:
 
     Raises:
         OSError: the file cannot be read.
-        ValueError: the file is too large, lacks a column, has fewer than `FEWEST_ROWS` rows, has a cell that is not a
-            finite number of the right size, or is not sorted by time. The message names the file and the line.
+        ValueError: the file is too large, lacks a column, has fewer than `FEWEST_ROWS` or more than `MOST_ROWS` rows,
+            has a cell that is not a finite number of the right size, or is not sorted by time. The message names the
+            file and the line.
     """
     size = path.stat().st_size
     if size > MOST_BYTES:
@@ -64,8 +66,8 @@ def read_track(path: Path) -> Track:
                     rows.append(row)
     except (UnicodeDecodeError, csv.Error) as error:
         raise ValueError(f"{path} is not a .csv file: {error}") from error
-    if len(rows) < FEWEST_ROWS:
-        raise ValueError(f"{path} must have at least {FEWEST_ROWS} rows, got {len(rows)}")
+    if not FEWEST_ROWS <= len(rows) <= MOST_ROWS:
+        raise ValueError(f"{path} must have from {FEWEST_ROWS} to {MOST_ROWS} rows, got {len(rows)}")
     return Track(*np.array(rows).T.copy())
 
 

@@ -17,7 +17,7 @@ from agents.fitting.flights import drop_glitches, find_flights, measure_noise
 from agents.fitting.glides import place_at, slide
 from agents.fitting.report import remarks
 from agents.fitting.simulated import simulate_play, simulate_throws
-from agents.fitting.tracks import FEWEST_ROWS, Track, read_track, write_track
+from agents.fitting.tracks import FEWEST_ROWS, MOST_ROWS, Track, read_track, write_track
 from agents.fitting.turns import turn
 from airhockey_env.tables import FIELDS, FULL_SIZE, PRESETS, TableSpec, resolve_table
 from tests.helpers import Call
@@ -228,7 +228,8 @@ BAD = {
     "millimetres": ([*GOOD, "9,500,0"], f"line {FEWEST_ROWS + 2}: x"),
     "not sorted": ([*GOOD, "0.1,0,0"], f"line {FEWEST_ROWS + 2}: time"),
     "a time twice": ([*GOOD, GOOD[-1]], f"line {FEWEST_ROWS + 2}: time"),
-    "too short": (GOOD[:-1], f"{FEWEST_ROWS} rows"),
+    "too short": (GOOD[:-1], f"from {FEWEST_ROWS}"),
+    "too long": (["time,x,y", *(f"{k},0,0" for k in range(MOST_ROWS + 1))], f"{MOST_ROWS} rows"),
 }
 
 
