@@ -22,7 +22,7 @@ class FitStudyArgs:
     Each table is watched by a simulated camera, which adds noise and loses frames.
     """
 
-    tables: Count = 200
+    tables: Count = 100
     """Draw this many tables."""
     seconds: float = 60.0
     """Watch each table for this many seconds."""

@@ -27,7 +27,7 @@ AGREEING = 3e-3
 """m: bounces on the same wall are no farther apart."""
 FEWEST_ON_WALL = 2
 """Bounces that must agree on where a wall is: a single one could be the stroke of a paddle."""
-STEPS = np.array([1e-5, 1e-5, 1e-4, 1e-4, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4])
+STEPS = np.array([1e-6, 1e-6, 1e-5, 1e-5, 1e-6, 1e-6, 1e-5, 1e-5, 1e-5, 1e-5, 1e-5])
 """For finite differences with the starts of two flights and the drag."""
 
 NORMAL, TANGENTIAL, PLACE = range(3)
@@ -122,13 +122,12 @@ def _meet(glides: Glides, k: int, axis: int) -> Bounce | None:
         return None
     with np.errstate(all="ignore"):  # a puck that stops before the wall has no share, and is refused below
         values = _values(unknowns, between, axis, between)
+        values = _values(unknowns, between, axis, float(values[_MOMENT]))
     if not np.isfinite(values).all():
         return None
     moment = float(values[_MOMENT])
-    steps = np.diag(STEPS)
-    up = np.array([_values(unknowns + step, between, axis, moment) for step in steps])
-    down = np.array([_values(unknowns - step, between, axis, moment) for step in steps])
-    changes = ((up - down) / (2.0 * STEPS[:, np.newaxis])).T
+    moved = np.array([_values(unknowns + step, between, axis, moment) for step in np.diag(STEPS)])
+    changes = ((moved - values) / STEPS[:, np.newaxis]).T
     by_before, by_after = changes[:, :4], changes[:, 4:8]
     by_drag = changes[:, 8:] + by_before @ glides.pulls[k] + by_after @ glides.pulls[k + 1]
     covariance = by_drag @ glides.drag_covariance @ by_drag.T
