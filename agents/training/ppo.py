@@ -146,6 +146,7 @@ def make_env(args: PpoArgs, task: str = "point", opponents: Sequence[Opponent] |
             opponent=args.opponent if opponents is None else opponents,
             reward=args.reward,
             **conditions_of(args).env_arguments(),
+            stack=args.stack,
             max_episode_steps=TASKS[task].max_episode_steps,
         )
     )
