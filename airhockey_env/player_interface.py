@@ -17,6 +17,8 @@ from airhockey_env.kernel.camera import (
     ARRIVES,
     CAMERA_STATE,
     MOMENT,
+    VELOCITY_FRAMES,
+    derive_rows,
     follow_rows,
     make_camera,
     show_rows,
@@ -93,8 +95,9 @@ class CameraPart(Part):
         self.arrays = make_camera(camera, num_tables, control_hz)
 
     def kept(self) -> dict[str, NDArray[Any]]:
-        _, states, queue, past = self.arrays
-        return {"camera": states, "camera_queue": queue, "camera_past": past}
+        camera, ranges, states, queue, past = self.arrays
+        kept = {"camera": states, "camera_queue": queue, "camera_past": past}
+        return {**kept, "camera_drawn": camera} if len(ranges) else kept
 
     def seed(self, i: int, seed: int) -> None:
         key = np.random.SeedSequence(seed, spawn_key=(1 + self.seat,))
@@ -112,20 +115,21 @@ class CameraPart(Part):
     def could_be(
         self, saved: Mapping[str, NDArray[Any]], states: NDArray[np.void], parameters: NDArray[np.void]
     ) -> bool:
-        state, queue, past = saved["camera"], saved["camera_queue"], saved["camera_past"]
-        camera = self.arrays.camera[0]
-        length, frames = queue.shape[1], past.shape[2]
+        arrays, state = self.arrays, saved["camera"]
+        queue, past, camera = saved["camera_queue"], saved["camera_past"], saved.get("camera_drawn", arrays.camera)
         begun = states["side"] != 0
         due = np.floor((state["step"] + MOMENT) * camera["camera_hz"] / camera["control_hz"]) + 1
         latest = state["step"] + camera["delay"] + camera["jitter"] + 2.0 * MOMENT  # that a frame so far can arrive
+        frames = np.maximum(camera["frames"], 1)[:, np.newaxis]
         per_disc = [
             [parameters[name] for name in ("per_x", "per_y", speed, speed)] for speed in ("per_paddle", "per_puck")
         ]
         scale = np.moveaxis(np.array(per_disc), -1, 0)
         return bool(
-            all(np.isfinite(array).all() for array in (*(state[name] for name in _CAMERA_FLOATS), queue, past))
-            and ((state["first"] >= 0) & (state["first"] < length)).all()
-            and ((state["waiting"] >= 0) & (state["waiting"] <= length)).all()
+            self._could_be_drawn(camera)
+            and all(np.isfinite(array).all() for array in (*(state[name] for name in _CAMERA_FLOATS), queue, past))
+            and ((state["first"] >= 0) & (state["first"] < queue.shape[1])).all()
+            and ((state["waiting"] >= 0) & (state["waiting"] <= queue.shape[1])).all()
             and ((state["known"] >= 0) & (state["known"] <= frames)).all()
             and ((state["next"] >= 0) & (state["next"] < frames)).all()
             and ((state["step"] == states["steps"]) | ~begun).all()
@@ -133,6 +137,17 @@ class CameraPart(Part):
             and (queue[..., ARRIVES].max(axis=1) <= latest).all()
             and ((state["scale"] == scale).all(axis=(1, 2)) | ~begun).all()
         )
+
+    def _could_be_drawn(self, camera: NDArray[np.void]) -> bool:
+        """Whether these are cameras that episodes draw: in the ranges, and with all else following from that."""
+        ranges = self.arrays.ranges
+        derived = camera.copy()
+        if len(ranges):
+            derived["control_hz"] = self.arrays.camera["control_hz"][0]
+            derived["spec"] = np.clip(camera["spec"], ranges[:, 0], ranges[:, 1])
+            derived["spec"][:, VELOCITY_FRAMES] = np.floor(derived["spec"][:, VELOCITY_FRAMES])
+            derive_rows(derived)
+        return bool(np.isfinite(camera["spec"]).all()) and derived.tobytes() == camera.tobytes()
 
 
 class HistoryPart(Part):

@@ -53,7 +53,7 @@ ARGUMENTS = {
     "continuous": (1, "yes", None),
     "reward": ("Sparse", None, [], np.zeros(2)),
     "randomize": (1, "length", ["length"], {"length"}, np.zeros(2)),
-    "camera": ("phone", 3, {"blur": 1}, [None]),
+    "camera": ("phone", 3, {"blur": 1}, [None], "robots "),
     "stack": (0, 65, 2.0, "2", None),
     "control_hz": (9.99, 240.01, "50", None),
     "max_episode_steps": (0, -2, -1.0, 2**31),
