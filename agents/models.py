@@ -6,7 +6,7 @@ import importlib
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -212,6 +212,26 @@ def load_player(model: str, option: str = "MODEL", *, trust: bool = False) -> Pl
             raise FileNotFoundError(f"{option} must be a player's file or folder, and there is no {model}")
         raise FileNotFoundError(f"{option} must be one of {PLAYERS}; {model!r} is none of these")
     return load_model(path, trust=trust) if path.suffix == ".zip" else MlpPolicy.load(path)
+
+
+def load_players(models: Sequence[str], trust: bool = False) -> dict[str, Player]:
+    """Load different players, keyed by the names that tables and plots show.
+
+    Args:
+        models: players as `load_player` accepts them. A file is named after the folder of its run, or after its path if
+            that is not unique.
+        trust: see `load_player`.
+
+    Raises:
+        FileNotFoundError, ValueError: see `load_player`.
+    """
+    given = list(dict.fromkeys(models))
+    players = {model: load_player(model, trust=trust) for model in given}
+    short = [short_name(model) for model in given]
+    return {
+        name if short.count(name) == 1 else model: player
+        for name, (model, player) in zip(short, players.items(), strict=True)
+    }
 
 
 def load_model(path: Path, *, trust: bool = False) -> MlpPolicy | ModelPlayer:
