@@ -17,8 +17,8 @@ import numpy as np
 from agents.files import FIELD_FILES, read_fields
 from agents.options import listed
 from airhockey_env.cameras import CAMERAS, Camera, resolve_camera
-from airhockey_env.checks import check_number, check_pair, fault
-from airhockey_env.kernel.state import LEFT
+from airhockey_env.checks import check_action_delay, fault
+from airhockey_env.kernel.state import SEATS
 from airhockey_env.tables import (
     FULL_SIZE,
     PRESETS,
@@ -28,9 +28,6 @@ from airhockey_env.tables import (
     resolve_randomize,
     resolve_table,
 )
-
-MOST_DELAY = 1000.0
-"""ms, the longest delay of actions."""
 
 
 class Options(Protocol):
@@ -66,7 +63,7 @@ class Conditions:
     def __post_init__(self) -> None:
         if self.randomize is not None:
             check_randomize(self.table, self.randomize)
-        check_delay(self.action_delay_ms)
+        object.__setattr__(self, "action_delay_ms", check_action_delay("action_delay_ms", self.action_delay_ms))
 
     @classmethod
     def of_options(cls, args: Options) -> Conditions:
@@ -105,7 +102,7 @@ class Conditions:
             resolve_table(kept["table"]),
             {name: _pair(value) for name, value in ranges.items()} if isinstance(ranges, Mapping) else ranges,
             None if camera is None else resolve_camera(camera),
-            _pair(kept["action_delay_ms"]),
+            kept["action_delay_ms"],
         )
 
     def as_dict(self) -> dict[str, Any]:
@@ -129,6 +126,7 @@ class Conditions:
             resolve_table(arguments.get("table", FULL_SIZE)),
             resolve_randomize(arguments.get("randomize")),
             None if camera is None else resolve_camera(camera),
+            arguments.get("action_delay_ms", 0.0),
         )
 
     def env_arguments(self) -> dict[str, Any]:
@@ -138,8 +136,15 @@ class Conditions:
 
     def game_arguments(self, *seats: int) -> dict[str, Any]:
         """Arguments of a `Game` in which these seats are played under the conditions, and others with exact states."""
-        cameras = [self.camera if seat in seats else None for seat in (LEFT, 1 - LEFT)]
-        return {"table": self.table, "randomize": self.randomize, "camera": cameras}
+        cameras = [self.camera if seat in seats else None for seat in SEATS]
+        left, right = (self.action_delay_ms if seat in seats else 0.0 for seat in SEATS)
+        return {
+            "table": self.table,
+            "randomize": self.randomize,
+            "camera": cameras,
+            "left_action_delay_ms": left,
+            "right_action_delay_ms": right,
+        }
 
     def drawn(self, seed: int | None = None) -> Conditions:
         """The same conditions on one table that is drawn from the ranges."""
@@ -148,20 +153,6 @@ class Conditions:
         low, high = check_randomize(self.table, self.randomize).T
         values = np.random.default_rng(seed).uniform(low, high)
         return dataclasses.replace(self, table=TableSpec(*values), randomize=None)
-
-
-def check_delay(delay: Any) -> None:
-    """Whether this is a delay of actions, ms, or a range of delays.
-
-    Raises:
-        ValueError: it is not.
-    """
-    if isinstance(delay, (tuple, list)):
-        low, high = check_pair("action_delay_ms", delay)
-        if not 0.0 <= low <= high <= MOST_DELAY:
-            raise fault("action_delay_ms", f"(low, high) with 0 <= low <= high <= {MOST_DELAY:g}", delay)
-    else:
-        check_number("action_delay_ms", delay, 0.0, MOST_DELAY)
 
 
 def in_words(args: Options) -> str:

@@ -22,6 +22,8 @@ from airhockey_env.actions import DIRECTIONS
 NO_LIMIT = -1
 """`max_episode_steps` of episodes that are never truncated, as in `gymnasium.make`."""
 
+MOST_DELAY = 1000
+"""ms by which actions may be late."""
 MOST_STACK = 64
 """Observations that a player can be shown at once."""
 
@@ -237,6 +239,11 @@ def check_limit(steps: Any, registered: int, name: str = "max_episode_steps") ->
 def check_stack(name: str, stack: Any) -> int:
     """How many observations a player is shown at once."""
     return check_whole(name, stack, 1, MOST_STACK)
+
+
+def check_action_delay(name: str, delay: Any) -> Any:
+    """A delay of actions, ms, as a float, or a range of delays as a tuple."""
+    return check_number_or_range(name, delay, 0, MOST_DELAY)
 
 
 def check_seed(seed: Any) -> int:

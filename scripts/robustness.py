@@ -35,7 +35,7 @@ class RobustnessArgs:
     points: Count = 600
     """Play this many points under each of the conditions, half of them on each side of the table."""
     only: Literal["named", "held_out", "camera", "table"] | None = None
-    """Measure only this part: the presets, the held-out tables and cameras, the grid of cameras or the grid of tables."""
+    """Measure only the presets, the held-out tables and cameras, the grid of cameras, or the grid of tables."""
     seed: int = 0
     """Draw the serves from this seed."""
     trust: Trust = False

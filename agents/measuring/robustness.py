@@ -44,19 +44,18 @@ def camera_grid() -> Grid:
     delays, noises = Axis("delay, ms", (0, 10, 20, 30, 45)), Axis("noise, mm", (0, 1, 2, 4, 6))
 
     def through(delay: float, noise: float) -> Conditions:
-        jitter = min(ROBOT.jitter_ms, delay)
-        changes = {"delay_ms": delay, "jitter_ms": jitter, "noise_mm": noise, "opponent_noise_mm": noise}
-        return Conditions(camera=dataclasses.replace(ROBOT, **changes))
+        jitter = 0 if delay == 0 else ROBOT.jitter_ms  # which cannot be greater than the delay
+        return Conditions(
+            camera=dataclasses.replace(ROBOT, delay_ms=delay, jitter_ms=jitter, noise_mm=noise, opponent_noise_mm=noise)
+        )
 
     return _grid("Cameras, otherwise as robot", delays, noises, through)
 
 
 def table_grid() -> Grid:
     """Linear drags and wall restitutions of a table that is otherwise `FULL_SIZE`, seen exactly."""
-    drags, walls = (
-        Axis("linear drag, 1/s", (0, 0.1, 0.25, 0.5, 0.8)),
-        Axis("wall restitution", (0.6, 0.7, 0.785, 0.9, 1)),
-    )
+    drags = Axis("linear drag, 1/s", (0, 0.1, 0.25, 0.5, 0.8))
+    walls = Axis("wall restitution", (0.6, 0.7, 0.785, 0.9, 1))
 
     def on(drag: float, restitution: float) -> Conditions:
         return Conditions(dataclasses.replace(FULL_SIZE, drag_linear=drag, wall_restitution=restitution))

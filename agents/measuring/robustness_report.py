@@ -63,17 +63,17 @@ def draw_robustness(cells: Sequence[Cell], title: str, path: Path) -> None:
     heights = [3.1] * len(grids) + [1.3 + 0.3 * rows] * bool(lists)
     figure = new_figure(max(8.5, 3.5 * len(players)), sum(heights) + 0.5)
     figure.suptitle(title)
-    areas = np.atleast_1d(figure.subfigures(len(heights), 1, height_ratios=heights))
+    areas = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
     for part, area in zip(grids, areas, strict=False):
         grid = GRIDS[part]()
         area.suptitle(f"{grid.title}: share of the decided points, %", size=11)
-        axes = np.atleast_1d(area.subplots(1, len(players), sharey=True))
+        axes = area.subplots(1, len(players), sharey=True, squeeze=False)[0]
         for axis, player in zip(axes, players, strict=True):
             own = {cell.name: cell for cell in cells if cell.part == part and cell.player == player}
             _draw_grid(axis, grid, own, player)
         axes[0].set_ylabel(grid.down.label)
     if lists:
-        axes = np.atleast_1d(areas[-1].subplots(1, len(lists)))
+        axes = areas[-1].subplots(1, len(lists), squeeze=False)[0]
         for axis, part in zip(axes, lists, strict=True):
             _draw_list(axis, [cell for cell in cells if cell.part == part], players, TITLES[part])
         axes[0].legend(frameon=False, loc="lower left")

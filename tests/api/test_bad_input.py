@@ -55,6 +55,7 @@ ARGUMENTS = {
     "randomize": (1, "length", ["length"], {"length"}, np.zeros(2)),
     "camera": ("phone", 3, {"blur": 1}, [None], "robots "),
     "stack": (0, 65, 2.0, "2", None),
+    "action_delay_ms": (-1, 1001, "5", None, [5], [3, 2], (0, 1001), (1, None), NAN),
     "control_hz": (9.99, 240.01, "50", None),
     "max_episode_steps": (0, -2, -1.0, 2**31),
     "render_mode": ("ansi", "rgb", 1, [], np.zeros(2)),

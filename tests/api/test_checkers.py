@@ -37,6 +37,7 @@ ARGUMENTS = [
     *({"control_hz": rate} for rate in (10, 50, 240)),
     {"max_episode_steps": 30},
     *({"camera": name} for name in CAMERAS),
+    {"action_delay_ms": 12},
     *({"stack": 6, "obs_type": name} for name in OBS_TYPES),
     {"randomize": {"puck_radius": (0.03, 0.045), "drag_linear": (0.0, 0.5)}},
     {"render_mode": "rgb_array", "render_size": SMALL},

@@ -40,6 +40,7 @@ VARIANTS = [
 SEEN_BY_CAMERA = {
     "camera": DRAWN,
     "stack": 3,
+    "action_delay_ms": (0, 70),
     "opponent": pursue,
     "randomize": {"length": (2.0, 2.6), "puck_radius": (0.03, 0.045)},
 }
@@ -117,7 +118,7 @@ KINDS = {
     "another table": {"table": "challenge", "control_hz": 24, "reward": "shaped"},
     "a swift table": {"table": SWIFT, "control_hz": 120, "opponent_skill": 0.5},
     "randomized": {"randomize": {"width": (1.0, 1.2), "puck_radius": (0.03, 0.045), "paddle_speed": (3.0, 9.0)}},
-    "a camera": {"camera": DRAWN, "stack": 2},
+    "a camera": {"camera": DRAWN, "stack": 2, "action_delay_ms": [10, 50]},
     "a pool": {"opponent": ["striker", pursue, "random"], "reward": "shaped"},
 }
 
@@ -198,7 +199,11 @@ def fingerprints(n, threads, **arguments):
 
 @pytest.mark.parametrize(
     "arguments",
-    [{}, {"reward": "shaped", "continuous": False, "opponent": pursue}, {"camera": "robots", "stack": 3}],
+    [
+        {},
+        {"reward": "shaped", "continuous": False, "opponent": pursue},
+        {"camera": "robots", "stack": 3, "action_delay_ms": (0, 40)},
+    ],
     ids=shown,
 )
 def test_neither_batch_size_nor_threads_matter(arguments):

@@ -17,7 +17,7 @@ from tests.helpers import COPIES, DRAWN, SHOT, begin, handed, play, pursue, rand
 
 ROWS = 5
 RANDOMIZE = {"randomize": {"width": (1.0, 1.2), "goal_width": (0.3, 0.5)}}
-SEEN = {"camera": DRAWN, "stack": 3, **RANDOMIZE}
+SEEN = {"camera": DRAWN, "stack": 3, "action_delay_ms": (0, 70), **RANDOMIZE}
 PICTURES = {"obs_type": "rgb", "stack": 2, **RANDOMIZE}
 
 
