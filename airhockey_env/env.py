@@ -17,7 +17,7 @@ from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT, RIGHT
 from airhockey_env.opponents.players import Player, resolve_players
 from airhockey_env.spaces import action_space, observation_space
-from airhockey_env.tables import TableSpec
+from airhockey_env.tables import TableSpec, resolve_randomize
 from airhockey_env.threads import one_at_a_time
 
 _ONLY = np.zeros(1, np.int64)
@@ -157,7 +157,7 @@ class AirHockeyEnv(TableEnv, gym.Env):
     | `continuous` | True or False, see above | True |
     | `reward` | `"sparse"` or `"shaped"` | `"sparse"` |
     | `control_hz` | 10 to 240: control steps per second | 50 |
-    | `randomize` | None, or a mapping from `TableSpec` fields to (low, high) to draw from for every episode | None |
+    | `randomize` | None, `"tables"` (ranges that contain the tables people have measured), or a mapping from `TableSpec` fields to (low, high), to draw from for every episode | None |
     | `camera` | None for exact states; `"robot"`, `"slow"`, `"robots"`, a `Camera` or a mapping of its fields, of which each is a number or a range (low, high) to draw from for every episode: you see the puck and the opponent's paddle late and with noise, but your own paddle and the clock exactly; opponents see exact states; see `airhockey_env.cameras` | None |
     | `stack` | 1 to 64: how many of the last observations an observation consists of, see above | 1 |
     | `action_delay_ms` | 0 to 1000 ms by which your paddle obeys an action late, or a range (low, high) to draw from for every episode, see above; opponents act immediately | 0 |
@@ -186,7 +186,7 @@ class AirHockeyEnv(TableEnv, gym.Env):
         continuous: bool = True,
         reward: str = "sparse",
         control_hz: float = 50,
-        randomize: Mapping[str, tuple[float, float]] | None = None,
+        randomize: str | Mapping[str, tuple[float, float]] | None = None,
         camera: str | Camera | Mapping[str, Any] | None = None,
         stack: int = 1,
         action_delay_ms: float | Sequence[float] = 0,
@@ -204,7 +204,7 @@ class AirHockeyEnv(TableEnv, gym.Env):
             continuous=continuous,
             reward=reward,
             control_hz=control_hz,
-            randomize=randomize,
+            randomize=resolve_randomize(randomize),
             camera=(camera, None),
             left_stack=check_stack("stack", stack),
             left_action_delay_ms=check_action_delay("action_delay_ms", action_delay_ms),

@@ -18,7 +18,7 @@ from airhockey_env.checks import check_action_delay, check_choice, check_limit, 
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT, RIGHT
 from airhockey_env.spaces import action_space, observation_space
-from airhockey_env.tables import TableSpec
+from airhockey_env.tables import TableSpec, resolve_randomize
 from airhockey_env.threads import one_at_a_time
 
 try:
@@ -101,7 +101,7 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
     | `continuous` | True or False, see above | True |
     | `reward` | `"sparse"` or `"shaped"` | `"sparse"` |
     | `control_hz` | 10 to 240: control steps per second | 50 |
-    | `randomize` | None, or a mapping from `TableSpec` fields to (low, high) to draw from for every episode | None |
+    | `randomize` | None, `"tables"`, or a mapping from `TableSpec` fields to (low, high), drawn per episode | None |
     | `camera` | as in `AirHockeyEnv`, for both agents, or a pair (left, right) | None |
     | `stack` | 1 to 64: as in `AirHockeyEnv`, for both agents | 1 |
     | `action_delay_ms` | as in `AirHockeyEnv`, for both agents; each draws its own from a range | 0 |
@@ -134,7 +134,7 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
         continuous: bool = True,
         reward: str = "sparse",
         control_hz: float = 50,
-        randomize: Mapping[str, tuple[float, float]] | None = None,
+        randomize: str | Mapping[str, tuple[float, float]] | None = None,
         camera: str | Camera | Mapping[str, Any] | Sequence[Any] | None = None,
         stack: int = 1,
         action_delay_ms: float | Sequence[float] = 0,
@@ -153,7 +153,7 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
             continuous=continuous,
             reward=reward,
             control_hz=control_hz,
-            randomize=randomize,
+            randomize=resolve_randomize(randomize),
             camera=camera,
             left_stack=check_stack("stack", stack),
             right_stack=stack,

@@ -6,13 +6,15 @@ The game steps at its own rate whatever the rate of the pictures is, and a pictu
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from airhockey_env.game import Game
+from airhockey_env.checks import check_action_delay
+from airhockey_env.game import CameraLike, Game
 from airhockey_env.kernel.history import next_history
 from airhockey_env.kernel.scripted import SCRIPTED
 from airhockey_env.kernel.state import LEFT, PUCK, RIGHT, SEATS
@@ -116,6 +118,9 @@ class LiveMatch:
         left: who plays on the left, likewise; None: a person, whose paddle follows the pointer.
         skill: share of its paddle's speed that the right player uses, 0 to 1.
         table: a preset's name or a `TableSpec`.
+        camera: what the right player sees the game through, as `AirHockeyEnv` takes it; None for exact states, which
+            scripted players see in any case.
+        action_delay_ms: ms by which the right player's paddle obeys late, likewise.
         points: that win the match.
         control_hz: control steps a second.
         seed: of the serves; None: drawn.
@@ -147,6 +152,8 @@ class LiveMatch:
         left: Player | None = None,
         skill: float = 1.0,
         table: str | TableSpec = "full_size",
+        camera: CameraLike | None = None,
+        action_delay_ms: float | Sequence[float] = 0,
         points: int = 7,
         control_hz: float = CONTROL_HZ,
         seed: int | None = None,
@@ -158,6 +165,8 @@ class LiveMatch:
         self.game = Game(
             1,
             table=table,
+            camera=(None, camera),
+            right_action_delay_ms=check_action_delay("action_delay_ms", action_delay_ms),
             left=scripted[LEFT],
             right=scripted[RIGHT],
             right_skill=skill,
@@ -301,7 +310,7 @@ class LiveMatch:
         left, right = (self._actions_of(seat) for seat in SEATS)
         game.play(left, right)
         if self._recording is not None:
-            self._recording.add(left[0], right[0])
+            self._recording.add(left[0], game.played_actions(RIGHT)[0])
         self._bends = self._contacts_of_the_step()
         self.contacts += self._bends
         for contact in self._bends:

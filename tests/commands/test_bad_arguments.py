@@ -21,6 +21,14 @@ evaluate idle --opponent nobody
 evaluate idle --opponent goalie --task hit
 evaluate idle --task juggle
 evaluate idle --table billiards
+evaluate idle --table none.json
+evaluate idle --randomize worlds
+evaluate idle --randomize none.yaml
+evaluate idle --camera eagle
+evaluate idle --camera none.yml
+evaluate idle --action-delay-ms -1
+evaluate idle --action-delay-ms 1 2 3
+evaluate idle --action-delay-ms nan
 evaluate idle --episodes 0
 evaluate idle --opponent-skill 1.1
 evaluate idle --opponent-skill nan
@@ -50,6 +58,9 @@ ladder nobody
 ladder --points 0
 ladder --seed -1
 ladder --table billiards
+ladder --randomize worlds
+ladder --camera eagle
+ladder --action-delay-ms -1
 ladder --plot ladder.pdf
 ladder --plot none/ladder.png
 ladder --json none/ladder.json
@@ -59,6 +70,9 @@ play --points 0
 play --fps 1
 play --size 10 500
 play --table pool
+play --randomize worlds
+play --camera eagle
+play --action-delay-ms -1
 record_video nobody
 record_video idle --opponent nobody
 record_video idle --opponent goalie --task hit
@@ -70,6 +84,16 @@ record_video idle --seconds nan
 record_video idle --fps 0
 record_video idle --width 5
 record_video idle --table billiards
+record_video idle --randomize worlds
+record_video idle --camera eagle
+record_video idle --action-delay-ms -1
+robustness
+robustness nobody
+robustness idle --opponent nobody
+robustness idle --points 0
+robustness idle --seed -1
+robustness idle --only camera --plot card.pdf
+robustness idle --json none/card.json
 scorecard
 scorecard nobody
 scorecard idle --opponent nobody
@@ -77,6 +101,9 @@ scorecard idle --points 0
 scorecard idle --episodes 0
 scorecard idle --seed -1
 scorecard idle --table billiards
+scorecard idle --randomize worlds
+scorecard idle --camera eagle
+scorecard idle --action-delay-ms -1
 scorecard idle --plot card.pdf
 scorecard idle --plot none/card.png
 scorecard idle --json none/card.json
@@ -89,9 +116,16 @@ train --env CartPole-v1
 train --obs-type sound
 train --obs-type rgb --algo sac
 train --hyperparams none.yml
+train --table billiards
+train --randomize worlds
+train --camera eagle
+train --action-delay-ms -1
 train_ppo --eval-opponent nobody
 train_ppo --opponent striker nobody
 train_ppo --table billiards
+train_ppo --randomize worlds
+train_ppo --camera eagle
+train_ppo --action-delay-ms -1
 train_ppo --reward huge
 train_ppo --num-envs 0
 train_ppo --steps 0
@@ -109,6 +143,10 @@ train_ppo --threads 0
 train_ppo --name ../outside
 train_ppo --resume none
 train_self_play --start none
+train_self_play --table billiards
+train_self_play --randomize worlds
+train_self_play --camera eagle
+train_self_play --action-delay-ms -1
 train_self_play --latest-share 1.1
 train_self_play --scripted-share 0.8
 train_self_play --snapshot-every 0
@@ -117,7 +155,7 @@ train_self_play --warmup-steps -1
 train_self_play --opponent
 """
 NAMELESS = {
-    **dict.fromkeys(("evaluate", "ladder", "record_video", "scorecard"), "MODEL"),
+    **dict.fromkeys(("evaluate", "ladder", "record_video", "robustness", "scorecard"), "MODEL"),
     "curves": "RUN",
     "fit_table": "TRACK.csv",
 }
