@@ -21,8 +21,10 @@ from typing import Any
 
 import numba
 import numpy as np
-from numba.core import caching, config, types
+from numba.core import caching, config
 from numpy.typing import NDArray
+
+from airhockey_env.parts import Part
 
 PLAIN_ROOMS = ("live", "web")
 """Folders of the package in which nothing is compiled: a change in them leaves the cache valid."""
@@ -120,21 +122,13 @@ def machine_code(function: Callable[..., Any], *arguments: Any) -> Callable[...,
 
 
 def _compile(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
-    """A dispatcher for callers in Python; what compiled callers see is another one behind it.
-
-    For callers in Python, numba wraps every function in two others, which takes longer to compile than most functions
-    do; and for compiled ones, it compiles a function once more for each constant that is given to it. Few functions are
-    called from Python, and constants reach the others where these are inlined.
-    """
-    jit: Any = functools.partial(numba.njit, function, nogil=True, error_model="numpy", **options)
-    dispatcher = jit()
+    """A dispatcher for callers in Python; what compiled callers see is a `Part`."""
+    options |= {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+    dispatcher: Any = numba.njit(function, **options)
     if config.DISABLE_JIT:  # type: ignore[attr-defined]
         return dispatcher
-    inner = jit(no_cpython_wrapper=True, no_cfunc_wrapper=True)
-    dispatcher.get_overload = inner.get_overload
-    dispatcher.get_call_template = lambda given, named: inner.get_call_template(
-        tuple(map(types.unliteral, given)), {name: types.unliteral(kind) for name, kind in named.items()}
-    )
+    part = Part(function, options)
+    dispatcher.get_call_template, dispatcher.get_overload = part.get_call_template, part.get_overload
     dispatcher.compile = _without_garbage_collection(dispatcher.compile)
     with contextlib.suppress(RuntimeError):  # no folder to write to: compile in every process
         dispatcher._cache = _Cache(function)

@@ -25,11 +25,12 @@ RUN = (
 
 @pytest.fixture
 def package(tmp_path):
-    """A package of the same name with the real `compiled`, and a caller and a callee in two files."""
+    """A package of the same name with the real `compiled` and `parts`, and a caller and a callee in two files."""
     root = tmp_path / "site"
     (root / "airhockey_env").mkdir(parents=True)
     (root / "airhockey_env" / "__init__.py").touch()
-    shutil.copy(ROOT / "airhockey_env" / "compiled.py", root / "airhockey_env")
+    for name in ("compiled.py", "parts.py"):
+        shutil.copy(ROOT / "airhockey_env" / name, root / "airhockey_env")
     (root / "airhockey_env" / "caller.py").write_text(CALLER)
     (root / "airhockey_env" / "callee.py").write_text(CALLEE.format(value=2.0))
     return root
