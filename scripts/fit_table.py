@@ -16,14 +16,15 @@ from agents.fitting.fit import SIZES, fit_table
 from agents.fitting.report import draw_fit, print_fit
 from agents.fitting.simulated import simulate_throws
 from agents.fitting.tracks import read_track, write_track
-from agents.options import JsonFile, PlotFile, TableOption, check_output, check_ranges
-from airhockey_env.tables import LEAST
+from agents.options import FIELD_FILE_HELP, JsonFile, PlotFile, check_output, check_ranges
+from airhockey_env.tables import LEAST, PRESETS
 from scripts._command import run_command
 
 TRACK_HELP = (
     "A .csv file with the columns time (s, when the frame was taken), x (m, along the table) and y (m, across it) of "
     "the puck's centre, sorted by time. Leave out frames in which the puck was not seen."
 )
+TABLE_HELP = f"Keep what the track does not tell from this table: {', '.join(PRESETS)}, or {FIELD_FILE_HELP} a TableSpec's fields."
 LARGEST = 10.0
 """m, the largest size that can be given."""
 
@@ -36,8 +37,7 @@ class FitTableArgs:
     """
 
     track: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="TRACK.csv", help=TRACK_HELP)]
-    table: TableOption = "full_size"
-    """Keep what the track does not tell from this table."""
+    table: Annotated[str, tyro.conf.arg(metavar="NAME|FILE", help=TABLE_HELP)] = "full_size"
     length: float | None = None
     """The length of the playing surface, m, if you know it."""
     width: float | None = None
