@@ -24,7 +24,10 @@ TRACK_HELP = (
     "A .csv file with the columns time (s, when the frame was taken), x (m, along the table) and y (m, across it) of "
     "the puck's centre, sorted by time. Leave out frames in which the puck was not seen."
 )
-TABLE_HELP = f"Keep what the track does not tell from this table: {', '.join(PRESETS)}, or {FIELD_FILE_HELP} a TableSpec's fields."
+TABLE_HELP = (
+    f"Keep what the track does not tell from this table: {', '.join(PRESETS)}, or {FIELD_FILE_HELP} a TableSpec's "
+    "fields."
+)
 LARGEST = 10.0
 """m, the largest size that can be given."""
 
