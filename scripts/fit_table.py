@@ -9,19 +9,24 @@ from typing import Annotated
 
 import tyro
 
+from agents.conditions import read_table
 from agents.files import write_json
 from agents.fitting.estimates import check_scipy
 from agents.fitting.fit import SIZES, fit_table
 from agents.fitting.report import draw_fit, print_fit
 from agents.fitting.simulated import simulate_throws
 from agents.fitting.tracks import read_track, write_track
-from agents.options import JsonFile, PlotFile, TableName, check_output, check_ranges, check_table
-from airhockey_env.tables import LEAST
+from agents.options import FIELD_FILE_HELP, JsonFile, PlotFile, check_output, check_ranges
+from airhockey_env.tables import LEAST, PRESETS
 from scripts._command import run_command
 
 TRACK_HELP = (
     "A .csv file with the columns time (s, when the frame was taken), x (m, along the table) and y (m, across it) of "
     "the puck's centre, sorted by time. Leave out frames in which the puck was not seen."
+)
+TABLE_HELP = (
+    f"Keep what the track does not tell from this table: {', '.join(PRESETS)}, or {FIELD_FILE_HELP} a TableSpec's "
+    "fields."
 )
 LARGEST = 10.0
 """m, the largest size that can be given."""
@@ -35,8 +40,7 @@ class FitTableArgs:
     """
 
     track: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="TRACK.csv", help=TRACK_HELP)]
-    table: TableName = "full_size"
-    """Keep what the track does not tell from this table."""
+    table: Annotated[str, tyro.conf.arg(metavar="NAME|FILE", help=TABLE_HELP)] = "full_size"
     length: float | None = None
     """The length of the playing surface, m, if you know it."""
     width: float | None = None
@@ -68,7 +72,7 @@ def fit(args: FitTableArgs) -> None:
     check_output("out", args.out, ".json")
     check_output("json", args.json)
     check_output("plot", args.plot, ".png")
-    base = check_table(args.table)
+    base = read_table(args.table)
     if args.demo is not None:
         write_demo(args)
     if not args.track.is_file():
@@ -99,7 +103,7 @@ def write_demo(args: FitTableArgs) -> None:
         raise FileExistsError(f"--demo writes TRACK.csv, and {args.track} exists already: choose another name")
     if not args.track.parent.is_dir():
         raise FileNotFoundError(f"--demo must write TRACK.csv into a folder that exists, got {args.track}")
-    write_track(args.track, simulate_throws(check_table(args.table), args.demo, args.seed))
+    write_track(args.track, simulate_throws(read_table(args.table), args.demo, args.seed))
 
 
 def main() -> None:

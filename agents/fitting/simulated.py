@@ -72,9 +72,9 @@ class _Watched:
         self._game = Game(
             1, left=player, right=player, table=table, control_hz=CONTROL_HZ, camera=(camera, None), num_threads=1
         )
-        cameras = self._game.cameras[LEFT]
-        assert cameras is not None and camera.velocity_frames is not None
-        self._state, self._ring = cameras.states[0], cameras.past[0, THE_PUCK]
+        seen = self._game.interfaces[LEFT].camera
+        assert seen is not None and camera.velocity_frames is not None
+        self._state, self._ring = seen.arrays.states[0], seen.arrays.past[0, THE_PUCK]
         self._rows: list[tuple[float, float, float]] = []
         self._began = self._read = 0
         self._steps = 0

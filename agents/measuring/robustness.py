@@ -78,6 +78,7 @@ def named_conditions() -> dict[str, Conditions]:
         "ideal": Conditions(IDEAL),
         "camera robot": Conditions(camera=ROBOT),
         "camera slow": Conditions(camera=CAMERAS["slow"]),
+        "robot, actions 20 ms late": Conditions(camera=ROBOT, action_delay_ms=20),
         "ideal, camera robot": Conditions(IDEAL, camera=ROBOT),
         "tables, cameras robots": Conditions(randomize=TABLES, camera=CAMERAS["robots"]),
     }
