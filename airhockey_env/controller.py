@@ -33,7 +33,8 @@ class Controller:
 
     It does what an environment with a camera does between the table and a player: it keeps the last position at which
     each disc was seen, estimates velocities, scales everything to an observation, stacks observations and actions, and
-    asks the policy. Call `reset` at a serve, `see` with every frame, and `act` at every control step.
+    asks the policy. Call `reset` at a serve, `see` with every frame, and `act` at every control step, as many times per
+    second as in the training of the policy.
 
     Positions and velocities are those of the player's own side: the origin is the middle of the table, x points away
     from the own goal along the table, and y to the left. They are in m and m/s, and times in s.

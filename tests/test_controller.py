@@ -126,7 +126,7 @@ def test_what_was_not_found_keeps_its_position_and_velocity() -> None:
     controller.see(10.0, (0.10, 0.02), (0.5, 0.0))
     controller.see(10.1, (0.20, 0.00), (0.5, 0.1))
     before = controller.act((-0.8, 0.0), (0.0, 0.0)), controller.observation
-    for lost in (None, NAN_PAIR := (NAN, NAN), np.array(NAN_PAIR), (0.3, NAN)):
+    for lost in (None, (NAN, NAN), np.full(2, NAN), (0.3, NAN)):
         controller.see(controller._time + 0.1, lost, None)
         again = controller.act((-0.8, 0.0), (0.0, 0.0)), controller.observation
         np.testing.assert_array_equal(again[1], before[1])

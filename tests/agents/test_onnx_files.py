@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from itertools import pairwise
 from pathlib import Path
 
@@ -124,3 +125,9 @@ def test_what_is_no_such_network_is_refused(call: Call, tmp_path: Path) -> None:
     for player in ("striker", "export_players:still", "frames.zip"):
         assert "MODEL must be" in call("export", player, "--onnx", "policy.onnx", fails=True)
     assert not (tmp_path / "policy.onnx").exists()
+
+
+@pytest.mark.parametrize("missing", ["onnx", "onnxruntime"])
+def test_the_extra_is_named_when_it_is_missing(missing: str, call: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, missing, None)
+    assert '".[onnx]"' in call("export", "expert", "--onnx", "policy.onnx", fails=True)
