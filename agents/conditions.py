@@ -156,13 +156,12 @@ class Conditions:
 
 
 def read_table(given: str) -> TableSpec:
-    """The table that `--table` means.
+    """The table that `--table` names.
 
     Raises:
-        OSError, ValueError: it names neither a preset nor a file of a `TableSpec`'s fields.
+        OSError, ValueError: see `Conditions.of_options`.
     """
-    table: TableSpec = _read("table", given, PRESETS, resolve_table)
-    return table
+    return _read("table", given, PRESETS, resolve_table)
 
 
 def in_words(args: Options) -> str:

@@ -16,7 +16,7 @@ from agents.fitting.fit import SIZES, fit_table
 from agents.fitting.report import draw_fit, print_fit
 from agents.fitting.simulated import simulate_throws
 from agents.fitting.tracks import read_track, write_track
-from agents.options import FIELD_FILE_HELP, JsonFile, PlotFile, TableOption, check_output, check_ranges
+from agents.options import FIELD_FILE_HELP, JsonFile, PlotFile, check_output, check_ranges
 from airhockey_env.tables import LEAST, PRESETS
 from scripts._command import run_command
 
@@ -40,7 +40,7 @@ class FitTableArgs:
     """
 
     track: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="TRACK.csv", help=TRACK_HELP)]
-    table: Annotated[TableOption, tyro.conf.arg(help=TABLE_HELP)] = "full_size"
+    table: Annotated[str, tyro.conf.arg(metavar="NAME|FILE", help=TABLE_HELP)] = "full_size"
     length: float | None = None
     """The length of the playing surface, m, if you know it."""
     width: float | None = None

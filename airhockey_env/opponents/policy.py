@@ -183,6 +183,9 @@ class MlpPolicy:
         squash: whether the outputs go through tanh, as those of SAC and TD3 do; else they are clipped to [-1, 1].
         stack: how many observations it is shown at once, 1 to 64: as the argument `stack` of the environments.
 
+    Attributes:
+        discrete: whether it takes one of nine directions.
+
     Raises:
         ValueError: the layers do not fit together, or hold what is no finite number; or `stack` is out of range.
     """
@@ -212,6 +215,7 @@ class MlpPolicy:
             size = weight.shape[0]
         if size not in (2, len(DIRECTIONS)):
             raise ValueError(f"the last layer must have 2 or {len(DIRECTIONS)} outputs, got {size}")
+        self.discrete = size != 2
         self.squash = bool(squash)
         self._sizes = np.array([inputs, *(len(bias) for bias in self.biases)])
         layers = zip(self.weights, self.biases, strict=True)
@@ -230,7 +234,7 @@ class MlpPolicy:
         out = np.empty((n, self._sizes[-1]), np.float32)
         rows = observations.reshape(n, self._sizes[0])
         _forward(rows, self._parameters, self._sizes, self.activation == "tanh", self.squash, out)
-        return np.clip(out, -1.0, 1.0) if out.shape[1] == 2 else DIRECTIONS[out.argmax(axis=1)]
+        return DIRECTIONS[out.argmax(axis=1)] if self.discrete else np.clip(out, -1.0, 1.0)
 
     def save(self, path: str | Path) -> None:
         """Write the weights to an .npz file; a file that is there already is replaced at once or not at all."""

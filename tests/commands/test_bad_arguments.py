@@ -34,6 +34,9 @@ evaluate idle --opponent-skill 1.1
 evaluate idle --opponent-skill nan
 evaluate idle --seed -1
 evaluate idle --episodes 2 --json none/result.json
+export
+export expert --onnx policy.npz
+export expert --onnx none/policy.onnx
 fit_study --tables 0
 fit_study --seconds 1
 fit_study --seed -1
@@ -155,7 +158,7 @@ train_self_play --warmup-steps -1
 train_self_play --opponent
 """
 NAMELESS = {
-    **dict.fromkeys(("evaluate", "ladder", "record_video", "robustness", "scorecard"), "MODEL"),
+    **dict.fromkeys(("evaluate", "export", "ladder", "record_video", "robustness", "scorecard"), "MODEL"),
     "curves": "RUN",
     "fit_table": "TRACK.csv",
 }

@@ -72,7 +72,7 @@ CONDITIONS = {"--table", "--randomize", "--camera", "--action-delay-ms", *PRESET
 """What the help says of the conditions of play."""
 
 
-@pytest.mark.parametrize("script", ["evaluate", "ladder", "play", "record_video", "robustness", "scorecard"])
+@pytest.mark.parametrize("script", ["evaluate", "export", "ladder", "play", "record_video", "robustness", "scorecard"])
 def test_help_names_all_players(script: str, call: Call) -> None:
     words = [word.rstrip(".,:") for word in call(script, "--help").split()]
     assert {*OPPONENTS, "policy.npz", "model.zip", "--trust"} <= set(words)
