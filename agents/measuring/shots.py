@@ -20,12 +20,18 @@ SHOT = np.dtype(
         ("shooter", np.int8),  # LEFT or RIGHT
         ("start", STATE),  # state at the end of the step of the shooter's last touch
         ("banked", np.bool_),  # a wall was touched between that touch and the end of the step
+        ("origin", np.int8),  # how the shooter got the puck: SERVE, FOUL, REPLY or REBOUND
+        ("held", np.float64),  # s from then to that touch
         ("touched", np.bool_),  # the other player touched the puck before the shot was over
         ("scored", np.bool_),
     ]
 )
 """A shot starts when the puck enters the far half, last touched by the player that shoots at that end. It ends when the
 puck returns over the centre line or to the shooter's paddle, with a goal, or with a foul."""
+
+SERVE, FOUL, REPLY, REBOUND = range(4)
+"""How a side gets the puck: by the first serve, by a serve after the other side's shot clock has run out, over the
+centre line from the other player, or back from its own shot."""
 
 FORWARD = np.array([1, -1])
 """The end of the table at which each player shoots."""
@@ -60,6 +66,10 @@ class Recorder:
         self._live["shooter"] = NOBODY
         self._start = np.zeros(n, STATE)  # start of the shot, if the last touch becomes one
         self._start_banked = np.zeros(n, np.bool_)
+        self._start_origin = np.zeros(n, np.int8)
+        self._start_held = np.zeros(n)
+        self._origin = np.full(n, SERVE, np.int8)  # how the side that the puck is on got it
+        self._held = np.zeros(n, np.int64)  # and steps since then
         self._over: list[NDArray[np.void]] = []
         self.steps = self.goals = 0
         self.zone, self.possession, self.fouls, self.own_goals = np.zeros((4, 2), np.int64)
@@ -75,6 +85,7 @@ class Recorder:
         changed = running & (goal == 0) & (states["side"] != self._side)
         foul = changed & out.foul  # the puck was given to the other side
         crossed = changed & ~foul
+        self._held[running] += 1
         fresh = self._note_contacts(np.flatnonzero(running & (out.n_contacts > 0)), kept=~foul)
 
         live = self._live["shooter"]
@@ -102,6 +113,10 @@ class Recorder:
             self.possession[player] += (running & ~far & (self._last == player)).sum()
             self.fouls[player] += (foul & (self._side != FORWARD[player])).sum()
             self.own_goals[player] += ((goal == -FORWARD[player]) & (self._last == player)).sum()
+        self._origin[foul] = FOUL
+        own = self._last == np.where(states["side"] < 0, LEFT, RIGHT)
+        self._origin[crossed] = np.where(own, REBOUND, REPLY)[crossed]
+        self._held[changed] = 0
         self._last[foul] = NOBODY
         self._side[running] = states["side"][running]
         self._speed = states["velocity"][:, PUCK, 0].copy()
@@ -132,12 +147,20 @@ class Recorder:
         fresh &= kept
         self._start[fresh] = self._game.states[fresh]
         self._start_banked[fresh] = self._banked[fresh]
+        own = fresh & (self._side != FORWARD[self._last])  # beyond the centre line, the earlier touch counts
+        self._start_origin[own] = self._origin[own]
+        self._start_held[own] = self._held[own] / self._game.control_hz
         return fresh
 
     def _begin(self, mask: NDArray[np.bool_]) -> None:
         self._live["shooter"][mask] = self._last[mask]
         self._live["start"][mask] = self._start[mask]
-        self._live["banked"][mask] = self._start_banked[mask]
+        for name, values in (
+            ("banked", self._start_banked),
+            ("origin", self._start_origin),
+            ("held", self._start_held),
+        ):
+            self._live[name][mask] = values[mask]
         self._live["touched"][mask] = self._live["scored"][mask] = False
 
     def _end(self, mask: NDArray[np.bool_]) -> None:

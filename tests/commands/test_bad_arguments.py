@@ -26,6 +26,18 @@ evaluate idle --opponent-skill 1.1
 evaluate idle --opponent-skill nan
 evaluate idle --seed -1
 evaluate idle --episodes 2 --json none/result.json
+exploit
+exploit nobody
+exploit idle --steps 0
+exploit idle --seeds 0
+exploit idle --kinds luck
+exploit idle --name ../outside
+exploit idle --points 0
+exploit idle --table billiards
+exploit idle --seed -1
+exploit idle --json none/x.json
+exploit idle --video x.avi
+exploit idle --video none/x.gif
 kiss_study --out nowhere/deep
 kiss_study --json nowhere/x.json
 ladder nobody
@@ -90,6 +102,8 @@ train_ppo --seed -1
 train_ppo --threads 0
 train_ppo --name ../outside
 train_ppo --resume none
+train_ppo --start none
+train_ppo --start none/policy.npz
 train_self_play --start none
 train_self_play --latest-share 1.1
 train_self_play --scripted-share 0.8
@@ -98,7 +112,7 @@ train_self_play --most-past-selves 0
 train_self_play --warmup-steps -1
 train_self_play --opponent
 """
-NAMELESS = {"curves": "RUN", "evaluate": "MODEL", "ladder": "MODEL", "record_video": "MODEL", "scorecard": "MODEL"}
+NAMELESS = {"curves": "RUN"} | dict.fromkeys(("evaluate", "exploit", "ladder", "record_video", "scorecard"), "MODEL")
 """What the arguments without an option are called in the help."""
 
 

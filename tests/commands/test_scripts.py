@@ -65,7 +65,7 @@ def test_help(script: str, call: Call) -> None:
     assert f"python -m scripts.{script}" in printed
 
 
-@pytest.mark.parametrize("script", ["evaluate", "ladder", "play", "record_video", "scorecard"])
+@pytest.mark.parametrize("script", ["evaluate", "exploit", "ladder", "play", "record_video", "scorecard"])
 def test_help_names_all_players_and_tables(script: str, call: Call) -> None:
     words = [word.rstrip(".,:") for word in call(script, "--help").split()]
     assert {*OPPONENTS, *PRESETS, "policy.npz", "model.zip", "--trust"} <= set(words)
