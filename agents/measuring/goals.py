@@ -1,104 +1,84 @@
-"""How a player scores: from serves, counters and patient attacks, or by the other player's mistakes."""
+"""How a player scores: by counters, patient attacks and serves, or by the other player's mistakes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.measuring.evaluation import wilson_interval
-from agents.measuring.shots import FOUL, REPLY, SERVE, Recorder, play_on
-from agents.tables import print_table
-from airhockey_env.game import Game
+from agents.measuring.shares import Share, quartiles
+from agents.measuring.shots import FORWARD, FOUL, REPLY, SERVE, Watch, play_on, speed_of
 
 COUNTER = 1.0
 """s. A shot made within this time after the other player's shot came over the centre line is a counter."""
 
-WAYS = {
-    "counter": f"a shot within {COUNTER:g} s after the other's shot came over the centre line",
-    "attack": "any later shot, at a puck that came from the other player or back from an own shot",
-    "first serve": "a shot at the first serve of the point",
-    "serve after a foul": "a shot at a serve that was given because the other's shot clock had run out",
-    "deflection": "a shot that went in off the other player",
-    "own goal": "the other player put the puck into its own goal, without a shot",
-}
-"""The ways to score, each with its definition. Every goal counts once."""
+WAYS = ("counter", "attack", "first serve", "serve after a foul", "deflection", "own goal")
+"""The ways to score; every goal counts once. docs/exploitability.md defines them."""
 
 
 @dataclass(frozen=True)
 class Goals:
-    """How a player scored in some points."""
+    """How a player scored in some points. The arrays are (n,), for the goals by shots, deflected ones included."""
 
-    points: int
-    ways: dict[str, int]  # goals by the keys of `WAYS`
-    bank: int  # of the goals by shots that nobody touched: those by way of a wall
+    ways: dict[str, Share]  # of all goals, by the names in `WAYS`
+    bank: Share  # of the goals by shots that nobody touched: those by way of a wall
+    serve: Share  # of all goals: those in points of which the player had the first serve
     fouls: int  # how often the other player's shot clock ran out
-
-    @property
-    def goals(self) -> int:
-        return sum(self.ways.values())
+    held: NDArray[np.float64]  # s from getting the puck to the shot
+    speed: NDArray[np.float64]  # m/s of the puck after the shot
+    depth: NDArray[np.float64]  # m from the other player's goal line to its paddle at the time of the shot
+    aside: NDArray[np.float64]  # m from the long axis of the table to that paddle
 
     def as_dict(self) -> dict[str, Any]:
         """For a JSON file."""
         return {
-            "points": self.points,
-            "goals": self.goals,
-            "ways": self.ways,
-            "bank": self.bank,
+            "ways": {way: share.as_dict() for way, share in self.ways.items()},
+            "bank": self.bank.as_dict(),
+            "first_serve": self.serve.as_dict(),
             "fouls_of_the_other": self.fouls,
+            **{name: quartiles(getattr(self, name)) for name in ("held", "speed", "depth", "aside")},
         }
 
 
-class GoalWatch:
-    """Observes the points of an evaluation (see `evaluation.Observer`) and tells how both players scored."""
-
-    def __init__(self) -> None:
-        self._seen: list[tuple[Game, Recorder, int]] = []  # and the evaluated player's side
-        self._points = 0
-
-    def __call__(self, game: Game, own: int) -> Callable[[NDArray[np.bool_]], None]:
-        recorder = Recorder(game)
-        self._seen.append((game, recorder, own))
-        self._points += game.num_tables
-        return recorder.note
-
-    def goals(self, of_opponent: bool = False) -> Goals:
-        """How the evaluated player scored, or its opponent."""
-        ways, bank, fouls = dict.fromkeys(WAYS, 0), 0, 0
-        for game, recorder, own in self._seen:
-            scorer = 1 - own if of_opponent else own
-            other = 1 - scorer
-            scored = recorder.shots[recorder.shots["scored"] & (recorder.shots["shooter"] == scorer)]
-            clean = scored[~scored["touched"]]
-            deflected = len(scored) - len(clean)
-            counter = (clean["origin"] == REPLY) & (clean["held"] <= COUNTER)
-            serve, after_foul = clean["origin"] == SERVE, clean["origin"] == FOUL
-            for way, number in (
-                ("counter", counter.sum()),
-                ("attack", (~counter & ~serve & ~after_foul).sum()),
-                ("first serve", serve.sum()),
-                ("serve after a foul", after_foul.sum()),
-                ("deflection", deflected),
-                ("own goal", recorder.own_goals[other] - deflected),
-            ):
-                ways[way] += int(number)
-            bank += int(play_on(clean, game.spec, game.control_hz).bank.sum())
-            fouls += int(recorder.fouls[other])
-        return Goals(self._points, ways, bank, fouls)
-
-
-def print_goals(title: str, goals: Goals) -> None:
-    """Print the ways to score, with their shares of all goals and 95 % Wilson intervals."""
-    rows = [("way", "goals", "share (95 %)")]
-    for way, number in goals.ways.items():
-        low, high = wilson_interval(number, goals.goals)
-        share = f"{number / goals.goals:.1%} ({100 * low:.1f}-{100 * high:.1f})" if goals.goals else "none"
-        rows.append((way, str(number), share))
-    print_table(title, rows)
-    print(
-        f"{goals.bank} of the goals by untouched shots went by way of a wall. The other player's shot clock ran out "
-        f"{goals.fouls} times in {goals.points} points."
+def count_goals(watch: Watch, of_opponent: bool = False) -> Goals:
+    """Count how the evaluated player scored, or its opponent."""
+    counts, bank, serve, goals, fouls = dict.fromkeys(WAYS, 0), 0, 0, 0, 0
+    parts: list[NDArray[np.float64]] = []
+    for game, recorder, own in watch.games:
+        player = 1 - own if of_opponent else own
+        other = 1 - player
+        scored = recorder.shots[recorder.shots["scored"] & (recorder.shots["shooter"] == player)]
+        clean = scored[~scored["touched"]]
+        counter = (clean["origin"] == REPLY) & (clean["held"] <= COUNTER)
+        first, after_foul = clean["origin"] == SERVE, clean["origin"] == FOUL
+        deflected = len(scored) - len(clean)
+        for way, number in zip(
+            WAYS,
+            (
+                counter.sum(),
+                (~counter & ~first & ~after_foul).sum(),
+                first.sum(),
+                after_foul.sum(),
+                deflected,
+                recorder.own_goals[other] - deflected,
+            ),
+            strict=True,
+        ):
+            counts[way] += int(number)
+        bank += int(play_on(clean, game.spec, game.control_hz).bank.sum())
+        serve += int(recorder.served[player, player])
+        goals += int(recorder.served[player].sum())
+        fouls += int(recorder.fouls[other])
+        paddle = scored["start"]["position"][:, other] * FORWARD[other]
+        depth = paddle[:, 0] + 0.5 * game.spec.length
+        parts.append(np.stack([scored["held"], speed_of(scored), depth, np.abs(paddle[:, 1])]))
+    untouched = goals - counts["deflection"] - counts["own goal"]
+    return Goals(
+        {way: Share(number, goals) for way, number in counts.items()},
+        Share(bank, untouched),
+        Share(serve, goals),
+        fouls,
+        *np.concatenate(parts, axis=1),
     )

@@ -7,6 +7,7 @@ shot would have gone, by simulating it without paddles.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,12 +54,14 @@ class Recorder:
         possession: (2,) steps that ended with the puck on the near half, last touched by the player.
         fouls: (2,) how often the player's shot clock ran out.
         own_goals: (2,) goals against the player, last touched by the player itself.
+        served: (2, 2) goals of each player, by who had the first serve of the point.
     """
 
     def __init__(self, game: Game) -> None:
         n = game.num_tables
         self._game = game
         self._side = game.side
+        self._first = np.where(self._side < 0, LEFT, RIGHT)  # who had the first serve
         self._speed = game.velocities[:, PUCK, 0]  # along the table
         self._last = np.full(n, NOBODY, np.int8)  # the player that touched the puck last since the serve
         self._banked = np.zeros(n, np.bool_)  # a wall was touched after that
@@ -73,6 +76,7 @@ class Recorder:
         self._over: list[NDArray[np.void]] = []
         self.steps = self.goals = 0
         self.zone, self.possession, self.fouls, self.own_goals = np.zeros((4, 2), np.int64)
+        self.served = np.zeros((2, 2), np.int64)
 
     @property
     def shots(self) -> NDArray[np.void]:
@@ -113,6 +117,7 @@ class Recorder:
             self.possession[player] += (running & ~far & (self._last == player)).sum()
             self.fouls[player] += (foul & (self._side != FORWARD[player])).sum()
             self.own_goals[player] += ((goal == -FORWARD[player]) & (self._last == player)).sum()
+            self.served[player] += np.bincount(self._first[goal == FORWARD[player]], minlength=2)
         self._origin[foul] = FOUL
         own = self._last == np.where(states["side"] < 0, LEFT, RIGHT)
         self._origin[crossed] = np.where(own, REBOUND, REPLY)[crossed]
@@ -170,6 +175,26 @@ class Recorder:
         self._live["shooter"][mask] = NOBODY
 
 
+class Watch:
+    """Observes every game of an evaluation with a `Recorder`. This is an observer for `play_points` and `play_task`.
+
+    Attributes:
+        games: each game, its recorder, and the seat of the evaluated player.
+    """
+
+    def __init__(self) -> None:
+        self.games: list[tuple[Game, Recorder, int]] = []
+
+    def __call__(self, game: Game, own: int) -> Callable[[NDArray[np.bool_]], None]:
+        recorder = Recorder(game)
+        self.games.append((game, recorder, own))
+        return recorder.note
+
+    def total(self, name: str) -> int:
+        """The sum of one of the recorders' counts for the evaluated player."""
+        return sum(int(getattr(recorder, name)[own]) for _, recorder, own in self.games)
+
+
 def is_bank(contacts: NDArray[np.void], forward: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Whether contacts of the puck are with a wall, except the end wall at `forward`; posts do not count."""
     straight = (np.abs(contacts["nx"]) == 1.0) | (np.abs(contacts["ny"]) == 1.0)  # normals of walls are exact
@@ -179,6 +204,11 @@ def is_bank(contacts: NDArray[np.void], forward: NDArray[np.int64]) -> NDArray[n
 def is_far_end(contacts: NDArray[np.void], forward: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Whether contacts of the puck are with the end wall at `forward`."""
     return (contacts["b"] < 0) & (contacts["nx"] == -forward)
+
+
+def speed_of(shots: NDArray[np.void]) -> NDArray[np.float64]:
+    """(n,) speed of the puck at the end of the step of the last touch, m/s."""
+    return np.linalg.norm(shots["start"]["velocity"][:, PUCK], axis=-1)
 
 
 @dataclasses.dataclass(frozen=True)
