@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import gc
 import hashlib
 import sys
 from collections.abc import Callable
@@ -20,7 +21,7 @@ from typing import Any
 
 import numba
 import numpy as np
-from numba.core import caching, config
+from numba.core import caching, config, types
 from numpy.typing import NDArray
 
 PLAIN_ROOMS = ("live", "web")
@@ -119,14 +120,37 @@ def machine_code(function: Callable[..., Any], *arguments: Any) -> Callable[...,
 
 
 def _compile(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
-    dispatcher: Any = numba.njit(function, nogil=True, error_model="numpy", **options)
-    if not config.DISABLE_JIT:  # type: ignore[attr-defined]
-        with contextlib.suppress(RuntimeError):  # no folder to write to: compile in every process
-            dispatcher._cache = _Cache(function)
-        from numba.core import types
+    """A dispatcher for callers in Python; what compiled callers see is another one behind it.
 
-        template = dispatcher.get_call_template
-        dispatcher.get_call_template = lambda args, kws: template(
-            tuple(map(types.unliteral, args)), {name: types.unliteral(kind) for name, kind in kws.items()}
-        )
+    For callers in Python, numba wraps every function in two others, which takes longer to compile than most functions
+    do; and for compiled ones, it compiles a function once more for each constant that is given to it. Few functions are
+    called from Python, and constants reach the others where these are inlined.
+    """
+    jit: Any = functools.partial(numba.njit, function, nogil=True, error_model="numpy", **options)
+    dispatcher = jit()
+    if config.DISABLE_JIT:  # type: ignore[attr-defined]
+        return dispatcher
+    inner = jit(no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    dispatcher.get_overload = inner.get_overload
+    dispatcher.get_call_template = lambda given, named: inner.get_call_template(
+        tuple(map(types.unliteral, given)), {name: types.unliteral(kind) for name, kind in named.items()}
+    )
+    dispatcher.compile = _without_garbage_collection(dispatcher.compile)
+    with contextlib.suppress(RuntimeError):  # no folder to write to: compile in every process
+        dispatcher._cache = _Cache(function)
     return dispatcher
+
+
+def _without_garbage_collection(work: Callable[..., Any]) -> Callable[..., Any]:
+    """Compiling makes many objects and hardly any garbage, and looking for it takes a tenth of the time."""
+
+    def uninterrupted(*arguments: Any) -> Any:
+        collecting = gc.isenabled()
+        gc.disable()
+        try:
+            return work(*arguments)
+        finally:
+            if collecting:
+                gc.enable()
+
+    return uninterrupted

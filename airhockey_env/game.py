@@ -53,6 +53,8 @@ from airhockey_env.saved_states import check_state, game_state, restore, save
 from airhockey_env.tables import FIELDS, TableSpec, check_randomize, resolve_table
 from airhockey_env.threads import Threads, one_at_a_time
 
+_FLOAT32 = np.dtype(np.float32)
+
 REWARDS = ("sparse", "shaped")
 OBS_TYPES = ("state", *CHANNELS)
 CONTROL_RATES = (10, 240)
@@ -381,18 +383,23 @@ class Game:
         Raises:
             ValueError: they are missing, or of another shape or kind than the action space's, or not finite.
         """
-        name = self.action_names[seat]
         if not self.pools[seat].by_caller:
             if given is not None:
-                raise fault(name, "None, because the caller does not play this seat", given)
+                raise fault(self.action_names[seat], "None, because the caller does not play this seat", given)
             return self._no_actions
-        shape = () if self.one_table else (self.num_tables,)
+        if (
+            self.one_table
+            and self.continuous
+            and type(given) is np.ndarray
+            and given.dtype == _FLOAT32
+            and given.shape == (2,)
+        ):
+            x, y = given.tolist()
+            if math.isfinite(x + y) and given.flags.c_contiguous:
+                return given.reshape(1, 2)
+        name, shape = self.action_names[seat], () if self.one_table else (self.num_tables,)
         if not self.continuous:
             return check_directions(name, given, shape)
-        if self.one_table:
-            usual = isinstance(given, np.ndarray) and given.dtype == np.float32 and given.shape == (2,)
-            if usual and given.flags.c_contiguous and math.isfinite(given[0]) and math.isfinite(given[1]):  # quickly
-                return given.reshape(1, 2)
         return check_velocities(name, given, (*shape, 2)).reshape(self.num_tables, 2)
 
     def play(self, left_actions: NDArray[np.float32], right_actions: NDArray[np.float32] | None = None) -> None:
@@ -413,7 +420,10 @@ class Game:
             left_actions = left.actions()
         if right.asks:
             right_actions = right.actions()
-        self._threads.share(n, ROWS_PER_THREAD, self._step_rows, left_actions, right_actions)
+        if n < 2 * ROWS_PER_THREAD:
+            self._step_rows(0, n, left_actions, right_actions)
+        else:
+            self._threads.share(n, ROWS_PER_THREAD, self._step_rows, left_actions, right_actions)
 
     def as_observations(
         self, observations: NDArray[np.float32], rows: NDArray[np.int64] | None = None, final: bool = False
@@ -509,7 +519,9 @@ class Game:
         # A camera looks on whoever plays, so that a policy that comes into the pool sees what it has seen.
         self.settings["observed"] = [observed[seat] or self.cameras[seat] is not None for seat in SEATS]
         if observed[LEFT] > before[LEFT] or observed[RIGHT] > before[RIGHT]:
-            self._refresh(self._all_rows)
+            begun = np.flatnonzero(self.states["side"])
+            if len(begun):
+                self._refresh(begun)
 
     def _step_rows(self, first: int, last: int, left: NDArray[np.float32], right: NDArray[np.float32]) -> None:
         fixed = (self.states, self.parameters, self.settings, self.ranges, self._drivers)

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airhockey_env.compiled import compiled
-from airhockey_env.drawing.raster import blend, ellipse, span
+from airhockey_env.drawing.raster import blend, draw_ellipse, ellipse, room_for, span
 from airhockey_env.kernel.state import LEFT, PUCK
 
 CHANNELS = {"rgb": 3, "grayscale": 1}
@@ -102,11 +102,11 @@ def draw_goals(image, params, colors):
 
 
 @compiled
-def draw_disc(image, x, y, radius, params, color):
+def draw_disc(image, x, y, radius, params, color, room):
     """Draw a paddle or the puck. x and y are as in an observation, the radius is in m."""
     radius_x = max(radius * params.per_x * HALF_X, SMALLEST_RADIUS)
     radius_y = max(radius * params.per_y * HALF_Y, SMALLEST_RADIUS)
-    ellipse(image, CENTRE_X + x * HALF_X, CENTRE_Y - y * HALF_Y, radius_x, radius_y, 1.0, color, 1.0)
+    draw_ellipse(image, CENTRE_X + x * HALF_X, CENTRE_Y - y * HALF_Y, radius_x, radius_y, 1.0, color, 1.0, room)
 
 
 @compiled
@@ -134,6 +134,7 @@ def draw_rows(first, last, observations, parameters, background, colors, frames)
     own_parameters = parameters.shape[0] > 1
     # Copy element by element through a flat view: assigning slices of images takes many times as long.
     flat = frames.reshape(frames.shape[0], background.shape[0])
+    room = room_for(SIZE)
     for i in range(first, last):
         params = parameters[i if own_parameters else 0]
         for k in range(background.shape[0]):
@@ -144,9 +145,9 @@ def draw_rows(first, last, observations, parameters, background, colors, frames)
         # Convert to float64: plain Python would stay in the observation's single precision, compiled code would not.
         seen = observations[i]
         draw_clock(image, float(seen[12]), colors)
-        draw_disc(image, float(seen[4]), float(seen[5]), params.radius[LEFT], params, colors.other)
-        draw_disc(image, float(seen[0]), float(seen[1]), params.radius[LEFT], params, colors.own)
-        draw_disc(image, float(seen[8]), float(seen[9]), params.radius[PUCK], params, colors.puck)
+        draw_disc(image, float(seen[4]), float(seen[5]), params.radius[LEFT], params, colors.other, room)
+        draw_disc(image, float(seen[0]), float(seen[1]), params.radius[LEFT], params, colors.own, room)
+        draw_disc(image, float(seen[8]), float(seen[9]), params.radius[PUCK], params, colors.puck, room)
 
 
 def draw_background(kind: str) -> NDArray[np.uint8]:

@@ -32,13 +32,24 @@ def coverage(distance, softness):
     return min(max(0.5 - distance / softness, 0.0), 1.0)
 
 
+@inlined
+def weight_of(alpha):
+    """The share `alpha` in 256ths: whole numbers keep 0 and 1 exact."""
+    return np.int32(256.0 * alpha + 0.5)
+
+
+@inlined
+def mix(image, row, column, color, weight):
+    """Mix `color` into one pixel, by its weight in 256ths."""
+    for channel in range(len(color)):
+        before = np.int64(image[row, column, channel])
+        image[row, column, channel] = np.uint8(before + (((color[channel] - before) * weight + 128) >> 8))
+
+
 @compiled
 def blend(image, row, column, color, alpha):
-    """Mix `color` into one pixel. Integer weights in 256ths keep alpha 0 and 1 exact."""
-    weight = np.int64(256.0 * alpha + 0.5)
-    for channel in range(len(color)):
-        mixed = np.int64(image[row, column, channel]) * (256 - weight) + color[channel] * weight
-        image[row, column, channel] = np.uint8((mixed + 128) >> 8)
+    """Mix `color` into one pixel."""
+    mix(image, row, column, color, weight_of(alpha))
 
 
 @compiled
@@ -69,23 +80,42 @@ def disc(image, x, y, radius, softness, color, alpha):
                 blend(image, row, column, color, alpha * coverage(math.sqrt(squared) - radius, softness))
 
 
-@inlined
+LANES = 8
+"""Pixels of a row that the processor works out at once."""
+
+
+@compiled
 def ellipse(image, x, y, radius_x, radius_y, softness, color, alpha):
     """Fill an axis-aligned ellipse; see the module for the arguments."""
+    draw_ellipse(image, x, y, radius_x, radius_y, softness, color, alpha, room_for(image.shape[1]))
+
+
+@inlined
+def room_for(width):
+    """Room for the weights of a row of so many pixels, in whole groups of LANES."""
+    return np.empty(width + LANES, np.int32)
+
+
+@inlined
+def draw_ellipse(image, x, y, radius_x, radius_y, softness, color, alpha, weights):
+    """Like `ellipse`, with `room_for` a row of the image."""
     reach_x, reach_y = radius_x + 0.5 * softness, radius_y + 0.5 * softness
     top, bottom = span(y - reach_y, y + reach_y, image.shape[0])
     left, right = span(x - reach_x, x + reach_x, image.shape[1])
     per_x, per_y = 1.0 / (radius_x * radius_x), 1.0 / (radius_y * radius_y)
+    groups = (right - left + LANES - 1) // LANES
     for row in range(top, bottom):
         dy = row + 0.5 - y
         level_y, slope_y = dy * dy * per_y, (dy * per_y) * (dy * per_y)
-        for column in range(left, right):
-            dx = column + 0.5 - x
+        for k in range(groups * LANES):  # whole groups: what is beyond the right edge is not used
+            dx = left + k + 0.5 - x
             # `level` is the square of a function that is 1 on the rim. Its difference to 1 divided by its slope is
             # the distance: exact on the axes and accurate near the rim. (At the centre the slope is 0.)
             level = dx * dx * per_x + level_y
             slope = math.sqrt((dx * per_x) * (dx * per_x) + slope_y + TINY)
-            blend(image, row, column, color, alpha * coverage((level - math.sqrt(level)) / slope, softness))
+            weights[k] = weight_of(alpha * coverage((level - math.sqrt(level)) / slope, softness))
+        for column in range(left, right):
+            mix(image, row, column, color, weights[column - left])
 
 
 @compiled

@@ -19,8 +19,8 @@ import numpy as np
 from airhockey_env.compiled import compiled, inlined
 from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
 
-TABLES = 64
-"""Tables of a block: it fits into the first cache, and a loop over it is worth its beginning."""
+TABLES = 120
+"""Tables of a block, an even number: it fits into the first cache, and a loop over it is worth its beginning."""
 
 
 class Params(NamedTuple):
@@ -30,13 +30,12 @@ class Params(NamedTuple):
     half_length: float
     half_width: float
     half_goal: float
-    wall_restitution: float
-    wall_tangential: float
     disc_restitution: float
     glide_p: float
     glide_q: float
     glide_r: float
     glide_s: float
+    bend: float
     puck_speed: float
     paddle_speed: float
     paddle_step: float
@@ -57,6 +56,7 @@ BLOCK = np.dtype(
         ("steps", np.int64, (TABLES,)),
         ("clock", np.int64, (TABLES,)),
         ("side", np.int64, (TABLES,)),
+        ("done", np.int64, (TABLES,)),
         # of this step
         ("begins", np.int64, (TABLES,)),  # an episode begins in it: nothing is played
         ("driver", np.int64, (TABLES,)),  # who drives the paddle in question
@@ -85,13 +85,12 @@ def params_at(block, k):
         block.half_length[k],
         block.half_width[k],
         block.half_goal[k],
-        block.wall_restitution[k],
-        block.wall_tangential[k],
         block.disc_restitution[k],
         block.glide_p[k],
         block.glide_q[k],
         block.glide_r[k],
         block.glide_s[k],
+        block.bend[k],
         block.puck_speed[k],
         block.paddle_speed[k],
         block.paddle_step[k],
@@ -107,13 +106,12 @@ def load_params(block, k, params):
     block.half_length[k] = params.half_length
     block.half_width[k] = params.half_width
     block.half_goal[k] = params.half_goal
-    block.wall_restitution[k] = params.wall_restitution
-    block.wall_tangential[k] = params.wall_tangential
     block.disc_restitution[k] = params.disc_restitution
     block.glide_p[k] = params.glide_p
     block.glide_q[k] = params.glide_q
     block.glide_r[k] = params.glide_r
     block.glide_s[k] = params.glide_s
+    block.bend[k] = params.bend
     block.puck_speed[k] = params.puck_speed
     block.paddle_speed[k] = params.paddle_speed
     block.paddle_step[k] = params.paddle_step
@@ -123,33 +121,47 @@ def load_params(block, k, params):
 
 
 @inlined
-def load_table(block, k, state):
-    """Copy a `STATE` record to table k of the block."""
+def load_pair(block, k, one, other):
+    """Copy two `STATE` records to the tables k and k + 1 of the block.
+
+    Two at a time, and what is read of both before it is written: that takes half as many writes.
+    """
+    for disc in range(3):
+        for axis in range(2):
+            _write(block.position[disc, axis], k, one.position[disc, axis], other.position[disc, axis])
+            _write(block.velocity[disc, axis], k, one.velocity[disc, axis], other.velocity[disc, axis])
+    for player in range(2):
+        _write(block.skill[player], k, one.skill[player], other.skill[player])
+        _write(block.score[player], k, one.score[player], other.score[player])
+    _write(block.plan, k, one.plan, other.plan)
+    _write(block.steps, k, one.steps, other.steps)
+    _write(block.clock, k, one.clock, other.clock)
+    _write(block.side, k, one.side, other.side)
+    _write(block.done, k, one.done, other.done)
+
+
+@inlined
+def _write(column, k, one, other):
+    column[k] = one
+    column[k + 1] = other
+
+
+@inlined
+def load_discs(block, k, state):
+    """Copy where the discs of a `STATE` record are, and how they move, to table k of the block."""
     for disc in range(3):
         for axis in range(2):
             block.position[disc, axis, k] = state.position[disc, axis]
             block.velocity[disc, axis, k] = state.velocity[disc, axis]
-    for player in range(2):
-        block.skill[player, k] = state.skill[player]
-        block.score[player, k] = state.score[player]
-    block.plan[k] = state.plan
-    block.steps[k] = state.steps
-    block.clock[k] = state.clock
-    block.side[k] = state.side
 
 
 @inlined
-def store_table(block, k, state):
-    """Copy what a step changes of table k of the block back to its record."""
+def store_discs(block, k, state):
+    """Copy where the discs of table k of the block are, and how they move, back to its record."""
     for disc in range(3):
         for axis in range(2):
             state.position[disc, axis] = block.position[disc, axis, k]
             state.velocity[disc, axis] = block.velocity[disc, axis, k]
-    for player in range(2):
-        state.score[player] = block.score[player, k]
-    state.steps = block.steps[k]
-    state.clock = block.clock[k]
-    state.side = block.side[k]
 
 
 @compiled

@@ -40,6 +40,7 @@ def derive(params):
     params.glide_q = q
     params.glide_r = r
     params.glide_s = s
+    params.bend = spec[WALL_TANGENTIAL] / max(spec[WALL_RESTITUTION], 0.1)
     params.puck_speed = spec[PUCK_SPEED]
     params.paddle_speed = spec[PADDLE_SPEED]
     params.paddle_step = spec[PADDLE_ACCELERATION] * params.tick

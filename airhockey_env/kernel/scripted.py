@@ -85,8 +85,7 @@ def _aim(view, params, x, y, plan):
         # components bends the path, so that the image of the goal lies nearer than its mirror image.
         side = 1.0 if plan < 0.7 else -1.0
         part = (plan - (0.4 if plan < 0.7 else 0.7)) / 0.3
-        bend = params.wall_tangential / max(params.wall_restitution, 0.1)
-        goal_y = side * (wall + bend * (wall + part * spread))
+        goal_y = side * (wall + params.bend * (wall + part * spread))
     dx, dy = goal_x - x, goal_y - y
     length = math.sqrt(dx * dx + dy * dy)
     return dx / length, dy / length

@@ -39,6 +39,7 @@ PARAMETERS = np.dtype(
         ("glide_q", np.float64),
         ("glide_r", np.float64),
         ("glide_s", np.float64),
+        ("bend", np.float64),  # how much flatter a puck leaves a wall: the tangential restitution over the other one
         ("puck_speed", np.float64),  # m/s, greatest
         ("paddle_speed", np.float64),  # m/s, greatest
         ("paddle_step", np.float64),  # m/s, greatest change of a paddle's velocity in a tick

@@ -13,11 +13,12 @@ from airhockey_env.engine.tolerances import GAME_CONTACTS
 from airhockey_env.kernel.block import (
     BLOCK,
     TABLES,
+    load_discs,
+    load_pair,
     load_params,
     load_shared_params,
-    load_table,
     params_at,
-    store_table,
+    store_discs,
 )
 from airhockey_env.kernel.observations import observe, view_at
 from airhockey_env.kernel.paddles import drive
@@ -72,11 +73,13 @@ def step_rows(
 @compiled
 def load(block, n, first, states, parameters, settings):
     """Copy n tables from number `first` on to the block."""
-    begins = settings.autoreset == AUTORESET_NEXT_STEP
+    for k in range(0, n - 1, 2):
+        load_pair(block, k, states[first + k], states[first + k + 1])
+    if n % 2:
+        load_pair(block, n - 1, states[first + n - 1], states[first + n - 1])
+    begins = 1 if settings.autoreset == AUTORESET_NEXT_STEP else 0
     for k in range(n):
-        state = states[first + k]
-        load_table(block, k, state)
-        block.begins[k] = begins and state.done
+        block.begins[k] = begins & block.done[k]
     if parameters.shape[0] > 1:
         for k in range(n):
             load_params(block, k, parameters[first + k])
@@ -163,13 +166,13 @@ def play_contacts(block, n, first, states, parameters, contacts):
     for k in range(n):
         if not block.quiet[k] and not block.begins[k]:
             state, params = states[first + k], params_of(parameters, first + k)
-            store_table(block, k, state)
+            store_discs(block, k, state)
             for disc in range(3):
                 hits[disc] = 0
             discs = Discs(state.position, state.velocity, params.radius, params.inverse_mass, hits)
             room = contacts[first + k]
             outcome = advance(discs, params, 0.0, params.tick, GAME_CONTACTS, room, False, None)
-            load_table(block, k, state)
+            load_discs(block, k, state)
             block.point[k] = outcome.goal
             block.n_contacts[k] = min(outcome.contacts, room.shape[0])
 
@@ -207,9 +210,11 @@ def serve_again(block, n, first, states, parameters):
             if block.crossed[k]:
                 give(state, block.side[k])
             elif not block.terminated[k]:
-                store_table(block, k, state)
+                state.side = block.side[k]
                 play_on(state, params_of(parameters, first + k), block.point[k], block.foul[k] != 0)
-                load_table(block, k, state)
+                load_discs(block, k, state)
+                block.side[k] = state.side
+                block.clock[k] = state.clock
 
 
 @compiled
@@ -230,11 +235,16 @@ def store(block, n, first, states):
     """Copy the tables of the block back."""
     for k in range(n):
         state = states[first + k]
-        store_table(block, k, state)
+        store_discs(block, k, state)
+        for player in range(2):
+            state.score[player] = block.score[player, k]
+        state.steps = block.steps[k]
+        state.clock = block.clock[k]
+        state.side = block.side[k]
         state.done = block.terminated[k] + block.truncated[k]
 
 
-@compiled
+@inlined
 def report(block, n, first, out):
     """Write what the step came to."""
     for player in (LEFT, RIGHT):
@@ -256,7 +266,7 @@ def _report(column, out, n, first):
         rows[k] = column[k]
 
 
-@compiled
+@inlined
 def end_episodes(block, n, first, states, parameters, settings, ranges, out):
     """Begin the next episode where one was over before this step, or is over and another begins in the same one."""
     began = out.began[first : first + n]
@@ -276,7 +286,7 @@ def end_episodes(block, n, first, states, parameters, settings, ranges, out):
             begin(state, params, settings, ranges, 0)
 
 
-@compiled
+@inlined
 def observe_rows(first, last, states, parameters, settings, out):
     """Write what tables look like."""
     for i in range(first, last):

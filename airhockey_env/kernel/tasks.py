@@ -116,8 +116,7 @@ def start_defend(state, params):
     course = draw(state)
     if course < 0.5:  # off a wall, towards the image of the goal (see scripted)
         side = 1.0 if course < 0.25 else -1.0
-        bend = params.wall_tangential / max(params.wall_restitution, 0.1)
-        goal_y = side * wall + bend * (side * wall - goal_y)
+        goal_y = side * wall + params.bend * (side * wall - goal_y)
     dx, dy = -params.half_length - x, goal_y - y
     length = math.sqrt(dx * dx + dy * dy)
     state.position[PUCK, 0], state.position[PUCK, 1] = x, y
