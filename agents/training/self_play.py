@@ -19,7 +19,8 @@ class SelfPlayArgs(ppo.PpoArgs):
     """Train an agent with PPO by self-play, and write everything into one folder, runs/NAME/."""
 
     opponent: tuple[str, ...] = ("striker", "goalie", "idle")
-    """Train against these named opponents, and against the agent itself and its past selves."""
+    """Train against these opponents, and against the agent itself and its past selves: names, paths of policy.npz
+    files, or paths of runs' folders."""
     learning_rate: float = 4e-4
     sde_sample_freq: Count = 0
     """Keep each random disturbance of the actions for this many steps (gSDE). With 0, the disturbances of each step are
@@ -29,7 +30,7 @@ class SelfPlayArgs(ppo.PpoArgs):
     latest_share: float = 0.3
     """Play this share of the episodes against the agent as it is now."""
     scripted_share: float = 0.25
-    """Play this share of the episodes against the named opponents, and the rest against past selves. In both groups,
+    """Play this share of the episodes against the given opponents, and the rest against past selves. In both groups,
     hard opponents are drawn more often."""
     snapshot_every: Count = 2_000_000
     """Add a copy of the agent to the league every this many steps."""

@@ -42,6 +42,12 @@ def take_over(model: PPO, start: str) -> None:
         raise ValueError(f"--start must have hidden layers of --net-width units, got {start!r}") from error
 
 
+def can_start(policy: MlpPolicy) -> bool:
+    """Whether training can start with a policy: it must have the layers that `train_ppo` gives its policies."""
+    widths = [len(bias) for bias in policy.biases]
+    return policy.activation == "relu" and not policy.squash and widths[2:] == [2] and widths[0] == widths[1]
+
+
 def _copy_network(folder: RunFolder, model: PPO) -> None:
     network = {**read_model(folder.model).params["policy"], "log_std": model.policy.log_std}
     model.policy.load_state_dict(network)
