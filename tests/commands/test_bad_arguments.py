@@ -26,18 +26,24 @@ evaluate idle --opponent-skill 1.1
 evaluate idle --opponent-skill nan
 evaluate idle --seed -1
 evaluate idle --episodes 2 --json none/result.json
-exploit
-exploit nobody
-exploit idle --steps 0
-exploit idle --seeds 0
-exploit idle --kinds luck
-exploit idle --name ../outside
-exploit idle --points 0
-exploit idle --table billiards
-exploit idle --seed -1
-exploit idle --json none/x.json
-exploit idle --video x.avi
-exploit idle --video none/x.gif
+fit_study --tables 0
+fit_study --seconds 1
+fit_study --seed -1
+fit_study --json none/study.json
+fit_study --page none.md
+fit_table
+fit_table none.csv
+fit_table none.csv --table billiards
+fit_table none.csv --length -1
+fit_table none.csv --width nan
+fit_table none.csv --puck-radius 0
+fit_table none.csv --goal-width 11
+fit_table none.csv --out table.yml
+fit_table none.csv --out none/table.json
+fit_table none.csv --json none/fit.json
+fit_table none.csv --plot fit.pdf
+fit_table none.csv --demo 1
+fit_table none.csv --seed -1
 kiss_study --out nowhere/deep
 kiss_study --json nowhere/x.json
 ladder nobody
@@ -112,7 +118,11 @@ train_self_play --most-past-selves 0
 train_self_play --warmup-steps -1
 train_self_play --opponent
 """
-NAMELESS = {"curves": "RUN"} | dict.fromkeys(("evaluate", "exploit", "ladder", "record_video", "scorecard"), "MODEL")
+NAMELESS = {
+    **dict.fromkeys(("evaluate", "exploit", "ladder", "record_video", "scorecard"), "MODEL"),
+    "curves": "RUN",
+    "fit_table": "TRACK.csv",
+}
 """What the arguments without an option are called in the help."""
 
 
