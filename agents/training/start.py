@@ -35,11 +35,18 @@ def take_over(model: PPO, start: str) -> None:
     """
     try:
         if start in TRAINED or Path(start).suffix == ".npz":
-            _copy_policy(trained_policy(start) if start in TRAINED else MlpPolicy.load(start), model)
+            _copy_policy(_read_policy(start), model)
         else:
             _copy_network(RunFolder.open(start, "--start"), model)
     except RuntimeError as error:
         raise ValueError(f"--start must have hidden layers of --net-width units, got {start!r}") from error
+
+
+def _read_policy(start: str) -> MlpPolicy:
+    try:
+        return trained_policy(start) if start in TRAINED else MlpPolicy.load(start)
+    except FileNotFoundError as error:
+        raise FileNotFoundError(f"--start must be a run, a trained player or its file; there is no {start}") from error
 
 
 def can_start(policy: MlpPolicy) -> bool:
