@@ -87,7 +87,7 @@ if config.DISABLE_JIT:  # type: ignore[attr-defined]
 else:
 
     @inlined
-    def new_block():
+    def new_block():  # type: ignore[misc]
         """Room for the tables of a block."""
         return np.empty(1, BLOCK)[0]
 

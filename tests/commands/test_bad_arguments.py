@@ -145,6 +145,8 @@ train_ppo --seed -1
 train_ppo --threads 0
 train_ppo --name ../outside
 train_ppo --resume none
+train_ppo --start none
+train_ppo --start none/policy.npz
 train_self_play --start none
 train_self_play --table billiards
 train_self_play --randomize worlds
@@ -158,7 +160,7 @@ train_self_play --warmup-steps -1
 train_self_play --opponent
 """
 NAMELESS = {
-    **dict.fromkeys(("evaluate", "export", "ladder", "record_video", "robustness", "scorecard"), "MODEL"),
+    **dict.fromkeys(("evaluate", "exploit", "export", "ladder", "record_video", "robustness", "scorecard"), "MODEL"),
     "curves": "RUN",
     "fit_table": "TRACK.csv",
 }
