@@ -32,7 +32,8 @@ def observation_kinds(path: Path, names: Sequence[str], *, steps: int = 60) -> N
         seen = {kind: env.step(action)[0] for kind, env in envs.items()}
 
     figure = new_figure(8.4, 7.0)
-    above, below = figure.subfigures(2, 1, height_ratios=(0.9, 1.0))
+    rows = figure.subfigures(2, 1, squeeze=False, height_ratios=(0.9, 1.0))
+    above, below = rows.flat
     drawn, numbers = above.subplots(1, 2, width_ratios=(1.5, 1.0))
     colour, grey = below.subplots(1, 2)
     drawn.imshow(envs["state"].render())
@@ -44,9 +45,9 @@ def observation_kinds(path: Path, names: Sequence[str], *, steps: int = 60) -> N
     numbers.set_title('obs_type="state": 13 numbers')
     plain(numbers)
     colour.imshow(seen["rgb"])
-    colour.set_title('obs_type="rgb": 84 × 84 × 3')
+    colour.set_title('obs_type="rgb": 84 x 84 x 3')
     grey.imshow(seen["grayscale"], cmap="gray", vmin=0, vmax=255)
-    grey.set_title('obs_type="grayscale": 84 × 84')
+    grey.set_title('obs_type="grayscale": 84 x 84')
     for axis in (drawn, colour, grey):
         axis.set_axis_off()
     save_figure(figure, path)

@@ -6,8 +6,10 @@ documentation.
 
 from __future__ import annotations
 
+import os
 import re
 import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +21,8 @@ sys.path.insert(0, str(ROOT))
 
 import airhockey_env  # noqa: E402
 
-REPOSITORY = "https://github.com/airhockey-env/airhockey-env"
-VERSIONS = "https://airhockey-env.github.io/airhockey-env/versions.json"
-"""The list of published versions, which the site's menu of versions reads; the workflow `site.yml` writes it."""
+with open(ROOT / "pyproject.toml", "rb") as file:
+    REPOSITORY = tomllib.load(file)["project"]["urls"]["Repository"]
 
 project = "airhockey-env"
 author = "The airhockey-env authors"
@@ -45,6 +46,7 @@ autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_inherit_docstrings = False
 autodoc_preserve_defaults = True
 autodoc_typehints_format = "short"
+autodoc_type_aliases = {name: name for name in ("ArrayLike", "NDArray", "Player", "Policy", "Seat", "CameraLike")}
 python_maximum_signature_line_length = 100
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True
@@ -65,13 +67,20 @@ html_theme_options = {
     "show_toc_level": 2,
     "show_nav_level": 1,
     "navigation_with_keys": False,
-    "secondary_sidebar_items": ["page-toc"],
+    "secondary_sidebar_items": {"**": ["page-toc"], "index": []},
     "footer_start": ["copyright"],
     "footer_end": ["theme-version"],
     "pygments_light_style": "a11y-high-contrast-light",
     "pygments_dark_style": "a11y-high-contrast-dark",
 }
 html_sidebars = {"index": []}
+if "SITE_VERSIONS" in os.environ:  # where it is published: the address of the list of all versions, for the menu
+    html_theme_options["switcher"] = {
+        "json_url": os.environ["SITE_VERSIONS"],
+        "version_match": os.environ["SITE_VERSION"],
+    }
+    html_theme_options["check_switcher"] = False  # it may be the first one
+    html_theme_options["navbar_end"] = ["version-switcher", "theme-switcher", "navbar-icon-links"]
 
 
 def link_to_the_repository(app: Sphinx, name: str, source: list[str]) -> None:
@@ -94,7 +103,10 @@ def as_rst(app: Sphinx, kind: str, name: str, thing: object, options: Any, lines
     def indented(block: re.Match[str]) -> str:
         return f".. code-block:: {block[1]}\n\n" + re.sub(r"^", "    ", block[2], flags=re.MULTILINE)
 
-    lines[:] = re.sub(r"^```(\w+)\n(.*?)^```$", indented, text, flags=re.MULTILINE | re.DOTALL).splitlines() + [""]
+    text = re.sub(r"^```(\w+)\n(.*?)^```$", indented, text, flags=re.MULTILINE | re.DOTALL)
+    lines[:] = [*text.splitlines(), ""]
+    if kind == "property":  # napoleon would take what stands before a colon in the first line for a type
+        lines[:0] = ["..", ""]
 
 
 def find_undocumented(app: Sphinx, env: Any) -> None:

@@ -185,7 +185,7 @@ def environment_page(task: str) -> str:
     """The page of the environment with a task: what the docstring of `AirHockeyEnv` says about it."""
     name, episode, opponent, limit = registered(task)
     env = AirHockeyEnv(task=task)
-    facts = [
+    facts: page.Rows = [
         ("", ""),
         ("task", f'`"{task}"`'),
         ("opponent, unless you name another one", opponent),
