@@ -7,6 +7,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
@@ -203,8 +204,8 @@ class AirHockeyEnv(TableEnv, gym.Env):
             num_threads=1,
         )
         self._set_up(game, render_mode, render_size, ("action", "opponent"))
-        self.observation_space = observation_space(game.obs_type)
-        self.action_space = action_space(game.continuous)
+        self.observation_space: spaces.Box = observation_space(game.obs_type)
+        self.action_space: spaces.Box | spaces.Discrete = action_space(game.continuous)
 
     @one_at_a_time
     def reset(

@@ -147,47 +147,48 @@ class Game:
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         num_threads: int | None = None,
     ) -> None:
-        n = self.num_tables = check_whole("num_tables", num_tables, 1)
-        self.spec = resolve_table(table)
-        self.obs_type = check_choice("obs_type", obs_type, OBS_TYPES)
-        self.pixels = Pixels(obs_type) if obs_type in CHANNELS else None
+        self.num_tables: int = check_whole("num_tables", num_tables, 1)
+        n = self.num_tables
+        self.spec: TableSpec = resolve_table(table)
+        self.obs_type: str = check_choice("obs_type", obs_type, OBS_TYPES)
+        self.pixels: Pixels | None = Pixels(obs_type) if obs_type in CHANNELS else None
         if not isinstance(continuous, (bool, np.bool_)):
             raise fault("continuous", "True or False", continuous)
-        self.continuous = bool(continuous)
-        self.control_hz = check_number("control_hz", control_hz, *CONTROL_RATES)
-        self.autoreset_mode = _autoreset_mode(autoreset_mode)
+        self.continuous: bool = bool(continuous)
+        self.control_hz: float = check_number("control_hz", control_hz, *CONTROL_RATES)
+        self.autoreset_mode: AutoresetMode = _autoreset_mode(autoreset_mode)
         self._reset_by_hand = self.autoreset_mode is AutoresetMode.DISABLED
         self._threads = Threads(None if num_threads is None else check_whole("num_threads", num_threads, 1))
-        self.ranges = check_randomize(self.spec, {} if randomize is None else randomize)
-        self.randomized = () if randomize is None else tuple(randomize)
-        self.parameters = make_parameters(self.spec, self.control_hz)
+        self.ranges: NDArray[np.float64] = check_randomize(self.spec, {} if randomize is None else randomize)
+        self.randomized: tuple[str, ...] = () if randomize is None else tuple(randomize)
+        self.parameters: NDArray[np.void] = make_parameters(self.spec, self.control_hz)
         if self.randomized:
             self.parameters = np.repeat(self.parameters, n)
-        self.settings = records(1, SETTINGS)
+        self.settings: NDArray[np.void] = records(1, SETTINGS)
         self.settings["task"] = TASKS[check_choice("task", task, tuple(sorted(TASKS)))].number
         self.settings["points"] = TASKS[task].points if points is None else check_whole("points", points, 1)
         self.settings["max_steps"] = check_limit(max_episode_steps, TASKS[task].max_episode_steps)
         self.settings["shaped"] = check_choice("reward", reward, REWARDS) == "shaped"
         self.settings["autoreset"] = _AUTORESET[self.autoreset_mode]
         self.settings["randomized"] = bool(self.randomized)
-        self.cameras = self._make_cameras(camera)
+        self.cameras: tuple[CameraArrays | None, CameraArrays | None] = self._make_cameras(camera)
         self._looked_through = any(one is not None for one in self.cameras)
 
-        self.states = records(n, STATE)
+        self.states: NDArray[np.void] = records(n, STATE)
         self.states["skill"][:, LEFT] = check_skill(left_skill, n, "left_skill")
         self.states["skill"][:, RIGHT] = check_skill(right_skill, n, "right_skill")
         self.out: Outputs = make_outputs(n, bool(self.randomized))
         self._drivers = np.full((2, n), EXTERNAL, np.int8)
-        self.pools = (self._make_pool("left", LEFT, left), self._make_pool("right", RIGHT, right))
+        self.pools: tuple[Pool, Pool] = (self._make_pool("left", LEFT, left), self._make_pool("right", RIGHT, right))
         self._no_actions = np.zeros((n, 2), np.float32)
         self._all_rows = np.arange(n)
         self._observed = (False, False)  # the seats whose observations are kept
         self._keep_observations()
-        self.begun = False
-        self.seeded = False
-        self.action_names = ("left", "right")
+        self.begun: bool = False
+        self.seeded: bool = False
+        self.action_names: tuple[str, str] = ("left", "right")
         """What errors call the actions of the two players."""
-        self.one_table = False
+        self.one_table: bool = False
         """Whether actions come without an axis of tables, which a game on one table needs not have."""
 
     # What a caller does -----------------------------------------------------------------------------------------

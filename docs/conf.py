@@ -9,10 +9,10 @@ from __future__ import annotations
 import os
 import re
 import sys
-import tomllib
 from pathlib import Path
 from typing import Any
 
+import tomllib
 from sphinx.application import Sphinx
 from sphinx.util import logging
 

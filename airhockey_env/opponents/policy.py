@@ -191,7 +191,9 @@ class MlpPolicy:
         activation: str = "tanh",
         squash: bool = False,
     ) -> None:
-        self.activation = check_choice("activation", activation, ACTIVATIONS)
+        self.activation: str = check_choice("activation", activation, ACTIVATIONS)
+        self.weights: list[NDArray[np.float32]]
+        self.biases: list[NDArray[np.float32]]
         self.weights, self.biases = _layers("weights", weights), _layers("biases", biases)
         if len(self.weights) != len(self.biases):
             raise ValueError(
@@ -206,7 +208,7 @@ class MlpPolicy:
             size = weight.shape[0]
         if size not in (2, len(DIRECTIONS)):
             raise ValueError(f"the last layer must have 2 or {len(DIRECTIONS)} outputs, got {size}")
-        self.squash = bool(squash)
+        self.squash: bool = bool(squash)
         self._sizes = np.array([OBSERVATION_SIZE, *(len(bias) for bias in self.biases)])
         layers = zip(self.weights, self.biases, strict=True)
         self._parameters = np.concatenate([part for weight, bias in layers for part in (weight.T.ravel(), bias)])

@@ -66,12 +66,12 @@ class Pool:
         threads: Threads,
     ) -> None:
         self.name = name
-        self.by_caller = members is None
+        self.by_caller: bool = members is None
         self._seat = seat
         self._members = members or []
         self._states, self._drivers, self._observations, self._threads = states, drivers, observations, threads
         self._room = np.zeros((len(states), 2), np.float32)
-        self.last_actions = self._room
+        self.last_actions: NDArray[np.float32] = self._room
         self._groups: list[_Group] | None = None
         states["member"][:, seat] = np.arange(len(states)) % max(len(self._members), 1)
         self.refresh(None)
@@ -164,8 +164,8 @@ class Pool:
         else:
             self._drivers[self._seat][rows] = drivers[places[rows]]
         self._groups = None  # made where they are needed
-        self.asks = not self.by_caller and bool((self._drivers[self._seat] == EXTERNAL).any())
-        self.observes = self.by_caller or self.asks
+        self.asks: bool = not self.by_caller and bool((self._drivers[self._seat] == EXTERNAL).any())
+        self.observes: bool = self.by_caller or self.asks
 
     def actions(self) -> NDArray[np.float32]:
         """Ask the policies for their actions, (N, 2) float32; rows of tables that scripted players play mean nothing.
