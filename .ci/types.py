@@ -1,6 +1,6 @@
-"""Check that everything public has a known type, from what `basedpyright --verifytypes airhockey_env --outputjson` found.
+"""Check that everything public has a known type: python .ci/types.py FILE
 
-python .ci/types.py FILE
+FILE holds what `basedpyright --verifytypes airhockey_env --outputjson` printed.
 """
 
 import json
