@@ -55,15 +55,23 @@ napoleon_use_admonition_for_examples = False
 
 html_theme = "pydata_sphinx_theme"
 html_title = project
+html_favicon = "_static/icon.svg"
+html_context = {"default_mode": "auto"}  # light or dark, as the reader's system is
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {
-    "logo": {"text": project},
+    "logo": {
+        "text": project,
+        "image_light": "_static/icon.svg",
+        "image_dark": "_static/icon.svg",
+        "alt_text": "A paddle and a puck",
+    },
     "github_url": REPOSITORY,
     "navbar_align": "left",
     "header_links_before_dropdown": 6,
+    "navbar_persistent": ["search-button"],
     "show_toc_level": 2,
     "show_nav_level": 1,
     "navigation_with_keys": False,
@@ -97,7 +105,7 @@ def as_rst(app: Sphinx, kind: str, name: str, thing: object, options: Any, lines
     text = "\n".join(lines).strip()
     if text.startswith("## "):
         text = text.split("\n## ")[0].partition("\n")[2]
-        text = re.sub(r"^\|.*\n?", "", text, flags=re.MULTILINE)
+        text = re.sub(r" [^.]*:\n\n(\|.*\n)+", "\n", text)  # a table, with the sentence that leads to it
         text += "\n\nThe full specification is the page :doc:`environments`.\n"
 
     def indented(block: re.Match[str]) -> str:
