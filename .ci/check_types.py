@@ -1,4 +1,4 @@
-"""Check that everything public has a known type: python .ci/types.py FILE
+"""Check that everything public has a known type: python .ci/check_types.py FILE
 
 FILE holds what `basedpyright --verifytypes airhockey_env --outputjson` printed.
 """
