@@ -39,8 +39,8 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
     `TimeLimit.truncated`, `score`, `foul` and `is_success`; the infos of other steps are empty, so that a step of many
     tables does not make many objects. `VecMonitor` and the other wrappers of Stable-Baselines3 work on top.
 
-    `get_attr`, `set_attr` and `env_method` mean what they mean for a `DummyVecEnv` of `AirHockeyEnv`s: they are about
-    each table's own. What concerns the whole batch is called directly, through Stable-Baselines3's wrappers too.
+    `get_attr`, `set_attr` and `env_method` mean what they mean for a `DummyVecEnv` of `AirHockeyEnv` tables: they are
+    about each table's own. What concerns the whole batch is called directly, through Stable-Baselines3's wrappers too.
 
     Pictures have an axis of channels, as Stable-Baselines3's `VecFrameStack` and `CnnPolicy` need it:
     `obs_type="grayscale"` gives (84, 84, 1) here, and with `stack=K` (K, 84, 84), where the pictures are the channels.

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from gymnasium import Space
+from gymnasium import Space, spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
@@ -99,16 +99,16 @@ class AirHockeyVectorEnv(BatchEnv, VectorEnv):
             num_threads=num_threads,
         )
         self._set_up(game, render_mode, render_size, ("actions", "opponent"))
-        self.autoreset_mode = game.autoreset_mode
+        self.autoreset_mode: AutoresetMode = game.autoreset_mode
         self._films: list[list[NDArray[np.uint8]]] = [
             [] for _ in range(num_envs if render_mode == "rgb_array_list" else 0)
         ]
         self.metadata["autoreset_mode"] = self.autoreset_mode
-        self.num_envs = game.num_tables
-        self.single_observation_space = observation_space(game.obs_type, game.interfaces[LEFT].stack)
-        self.single_action_space = action_space(game.continuous)
-        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.num_envs: int = game.num_tables
+        self.single_observation_space: spaces.Box = observation_space(game.obs_type, game.interfaces[LEFT].stack)
+        self.single_action_space: spaces.Box | spaces.Discrete = action_space(game.continuous)
+        self.observation_space: spaces.Space[Any] = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space: spaces.Space[Any] = batch_space(self.single_action_space, self.num_envs)
 
     @one_at_a_time
     def reset(

@@ -198,9 +198,11 @@ class MlpPolicy:
         squash: bool = False,
         stack: int = 1,
     ) -> None:
-        self.stack = check_stack("stack", stack)
+        self.stack: int = check_stack("stack", stack)
         self._shape = observation_shape(self.stack)
-        self.activation = check_choice("activation", activation, ACTIVATIONS)
+        self.activation: str = check_choice("activation", activation, ACTIVATIONS)
+        self.weights: list[NDArray[np.float32]]
+        self.biases: list[NDArray[np.float32]]
         self.weights, self.biases = _layers("weights", weights), _layers("biases", biases)
         if len(self.weights) != len(self.biases):
             raise ValueError(
@@ -215,8 +217,8 @@ class MlpPolicy:
             size = weight.shape[0]
         if size not in (2, len(DIRECTIONS)):
             raise ValueError(f"the last layer must have 2 or {len(DIRECTIONS)} outputs, got {size}")
-        self.discrete = size != 2
-        self.squash = bool(squash)
+        self.discrete: bool = size != 2
+        self.squash: bool = bool(squash)
         self._sizes = np.array([inputs, *(len(bias) for bias in self.biases)])
         layers = zip(self.weights, self.biases, strict=True)
         self._parameters = np.concatenate([part for weight, bias in layers for part in (weight.T.ravel(), bias)])
