@@ -153,6 +153,14 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
         """As `AirHockeyVectorEnv.observe`; pictures have their axis of channels."""
         return self._with_channels(super().observe(indices))
 
+    @one_at_a_time
+    def exact_observations(self) -> NDArray[np.float32]:
+        """The state observations (num_envs, 13) as they would be without a camera, whatever `obs_type` is.
+
+        For what may know more than the agent while it trains: a teacher, or a critic.
+        """
+        return self._game.exact_observations(LEFT)
+
     def seed(self, seed: int | list[int] | tuple[int, ...] | None = None) -> Sequence[int | None]:
         """Seed the next reset: the first table with `seed`, the next with the number after it, and so on.
 

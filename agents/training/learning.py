@@ -47,11 +47,14 @@ class Falling:
     """The final value, as a share of the start."""
     begins: float = 0.0
     """The share of the run after which the value falls."""
+    ends: float = 1.0
+    """The share of the run after which it has fallen."""
 
     def __call__(self, remaining: float) -> float:
         """The value when this share of the run remains. In the last rollout, that can be slightly negative."""
-        stays = self.begins >= 1.0 or remaining >= 1.0 - self.begins
-        return self.start * (self.to + (1.0 - self.to) * (1.0 if stays else remaining / (1.0 - self.begins)))
+        left, length = remaining - (1.0 - self.ends), self.ends - self.begins
+        stays = length <= 0.0 or left >= length
+        return self.start * (self.to + (1.0 - self.to) * (1.0 if stays else left / length))
 
 
 class ProgressBar(BaseCallback):

@@ -33,6 +33,7 @@ from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import PRESETS
 
 Args = TypeVar("Args", bound="PpoArgs")
+Model = TypeVar("Model", bound=PPO)
 
 STEPS = 20_000_000
 
@@ -149,9 +150,9 @@ def make_env(args: PpoArgs, task: str = "point", opponents: Sequence[Opponent] |
     )
 
 
-def make_model(args: PpoArgs, env: VecMonitor) -> PPO:
+def make_model(args: PpoArgs, env: VecMonitor, algorithm: type[Model] = PPO) -> Model:
     """Make an untrained agent."""
-    return PPO(
+    return algorithm(
         "MlpPolicy",
         env,
         learning_rate=Falling(args.learning_rate, to=0.02),
