@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from airhockey_env.checks import check_choice
 from airhockey_env.drawing.window import human_window, import_pygame
 from airhockey_env.game import Game
-from airhockey_env.kernel.state import LEFT, RIGHT
+from airhockey_env.kernel.state import RIGHT
 from airhockey_env.opponents.players import Player, Policy
 from airhockey_env.opponents.pool import Pool
 from airhockey_env.tables import TableSpec
@@ -244,7 +244,7 @@ class BatchEnv(GameEnv):
         game = self._game
         rows = game.check_rows(indices, "indices", repeated=True)
         game.check_begun(rows)
-        return game.observations() if indices is None else game.as_observations(game.out.observation[LEFT][rows], rows)
+        return game.observations(rows=None if indices is None else rows)
 
     def _render_row(self, row: int) -> Any:
         """What is rendered of one table, or None without a render_mode."""

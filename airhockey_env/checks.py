@@ -22,6 +22,9 @@ from airhockey_env.actions import DIRECTIONS
 NO_LIMIT = -1
 """`max_episode_steps` of episodes that are never truncated, as in `gymnasium.make`."""
 
+MOST_STACK = 64
+"""Observations that a player can be shown at once."""
+
 _NOT_NUMBERS = (bool, np.bool_, np.timedelta64)
 """Types that Python or NumPy count among the whole numbers."""
 
@@ -207,6 +210,11 @@ def check_limit(steps: Any, registered: int, name: str = "max_episode_steps") ->
     if as_whole(steps) == NO_LIMIT:
         return 0
     return check_whole(name, steps, 1, also="None, -1 (no limit)")
+
+
+def check_stack(name: str, stack: Any) -> int:
+    """How many observations a player is shown at once."""
+    return check_whole(name, stack, 1, MOST_STACK)
 
 
 def check_seed(seed: Any) -> int:

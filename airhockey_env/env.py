@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from airhockey_env._base import TableEnv
 from airhockey_env.cameras import Camera
-from airhockey_env.checks import NO_LIMIT, check_number, check_seed
+from airhockey_env.checks import NO_LIMIT, check_number, check_seed, check_stack
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT, RIGHT
 from airhockey_env.opponents.players import Player, resolve_players
@@ -74,8 +74,12 @@ class AirHockeyEnv(TableEnv, gym.Env):
     belong to the roles: the own paddle is pink (light grey), the opponent's blue (dark grey) and the puck cream (nearly
     white). The bar on top is the shot clock: it grows from the middle towards the side that the puck is on and is full
     at the foul. The table fills the picture whatever its shape, and its discs are stretched with it. Anti-aliasing shows
-    positions to a tenth of a pixel or better. A single picture shows no velocities, so stack several
-    (`gymnasium.wrappers.FrameStackObservation(env, 4)`).
+    positions to a tenth of a pixel or better. A single picture shows no velocities, so stack several (`stack=4`).
+
+    With `stack=K`, for a K from 2 to 64, an observation is the last K of these, from the oldest to the newest:
+    `Box(-1, 1, (K, 15), float32)`, in which each row is the 13 numbers above and then the x and y of the action that
+    led to it, clipped to [-1, 1] (of a discrete action, those of its direction); or (K, 84, 84, 3) or (K, 84, 84) of
+    the pictures, without actions. At the start of an episode all rows are its first observation, with actions 0.
 
     ## Rewards
     `reward="sparse"` is +1 for every goal, -1 for every goal against, and else 0, so a shot that was kept out or that
@@ -142,7 +146,7 @@ class AirHockeyEnv(TableEnv, gym.Env):
     | argument | values | default |
     |---|---|---|
     | `task` | `"point"`, `"match"`, `"hit"`, `"defend"`; the registered ids set it together with `opponent` and `max_episode_steps`, and `task` alone changes neither | `"point"` |
-    | `opponent` | `"idle"`, `"random"`, `"goalie"`, `"striker"`, the trained `"adept"` and `"expert"`, the path of a `policy.npz` or of a run's folder, or a callable: float32 observations (N, 13) from its own side to actions (N, 2) | `"striker"` |
+    | `opponent` | `"idle"`, `"random"`, `"goalie"`, `"striker"`, the trained `"adept"` and `"expert"`, the path of a `policy.npz` or of a run's folder, or a callable: float32 observations (N, 13) from its own side to actions (N, 2), or (N, K, 15) if it has an attribute `stack` = K | `"striker"` |
     | `opponent_skill` | 0 to 1: share of its paddle's speed that a scripted opponent uses | 1.0 |
     | `table` | `"full_size"`, `"challenge"`, `"ideal"`, a `TableSpec`, or a mapping of its fields | `"full_size"` |
     | `obs_type` | `"state"`, `"rgb"`, `"grayscale"`, see above; callable opponents get states in any case | `"state"` |
@@ -151,6 +155,7 @@ class AirHockeyEnv(TableEnv, gym.Env):
     | `control_hz` | 10 to 240: control steps per second | 50 |
     | `randomize` | None, or a mapping from `TableSpec` fields to (low, high) to draw from for every episode | None |
     | `camera` | None for exact states; `"robot"`, a `Camera` or a mapping of its fields: you see the puck and the opponent's paddle late and with noise, but your own paddle and the clock exactly; opponents see exact states; see `airhockey_env.cameras` | None |
+    | `stack` | 1 to 64: how many of the last observations an observation consists of, see above | 1 |
     | `max_episode_steps` | steps after which an episode is truncated; None: those of the task's id, see above; -1: no limit. `gymnasium.make` puts the limit into a wrapper around the environment; the class alone has none by default | -1 |
     | `render_mode` | None, `"rgb_array"`, `"human"` | None |
     | `render_size` | (width, height) px or None | None |
@@ -178,6 +183,7 @@ class AirHockeyEnv(TableEnv, gym.Env):
         control_hz: float = 50,
         randomize: Mapping[str, tuple[float, float]] | None = None,
         camera: str | Camera | Mapping[str, Any] | None = None,
+        stack: int = 1,
         max_episode_steps: int | None = NO_LIMIT,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
@@ -194,12 +200,13 @@ class AirHockeyEnv(TableEnv, gym.Env):
             control_hz=control_hz,
             randomize=randomize,
             camera=(camera, None),
+            left_stack=check_stack("stack", stack),
             max_episode_steps=max_episode_steps,
             autoreset_mode=AutoresetMode.DISABLED,
             num_threads=1,
         )
         self._set_up(game, render_mode, render_size, ("action", "opponent"))
-        self.observation_space = observation_space(game.obs_type)
+        self.observation_space = observation_space(game.obs_type, game.stacks[LEFT])
         self.action_space = action_space(game.continuous)
 
     @one_at_a_time
@@ -270,6 +277,6 @@ class AirHockeyEnv(TableEnv, gym.Env):
         return self._observation()
 
     def _observation(self) -> NDArray[Any]:
-        if self._game.pixels is None:  # quickly
+        if self._game.plain:  # quickly
             return self._game.out.observation[LEFT, 0].copy()
         return self._game.observations()[0]

@@ -21,6 +21,7 @@ from airhockey_env.checks import (
     check_rows,
     check_seed,
     check_skill,
+    check_stack,
     check_velocities,
     check_whole,
     fault,
@@ -28,7 +29,6 @@ from airhockey_env.checks import (
 from airhockey_env.compiled import machine_code, records
 from airhockey_env.drawing.pixels import CHANNELS, Pixels
 from airhockey_env.engine.records import CONTACT
-from airhockey_env.kernel.camera import CameraArrays, follow_rows, make_camera, show_rows, start_rows
 from airhockey_env.kernel.outputs import Outputs, make_outputs
 from airhockey_env.kernel.parameters import make_parameters, spec_of, with_specs
 from airhockey_env.kernel.random_stream import stream_from_seed
@@ -47,11 +47,14 @@ from airhockey_env.kernel.state import (
 from airhockey_env.kernel.step import refresh_rows, reset_rows, step_rows
 from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.opponents.players import Player, resolve_players
-from airhockey_env.opponents.pool import Pool
+from airhockey_env.opponents.pool import Needs, Pool
+from airhockey_env.player_interface import Part, PlayerInterface, Tables
 from airhockey_env.reset_options import SERVERS, ResetOptions, check_reset_options
 from airhockey_env.saved_states import check_state, game_state, restore, save
 from airhockey_env.tables import FIELDS, TableSpec, check_randomize, resolve_table
 from airhockey_env.threads import Threads, one_at_a_time
+
+_FLOAT32 = np.dtype(np.float32)
 
 REWARDS = ("sparse", "shaped")
 OBS_TYPES = ("state", *CHANNELS)
@@ -107,6 +110,8 @@ class Game:
             one for each table, (N,).
         camera: what the players see the game through: None for exact states; `"robot"`, a `Camera`, or a mapping of
             its fields, for each of the two; or a pair (left, right) of these. Scripted players look at exact states.
+        left_stack, right_stack: how many observations, 1 to 64, `observations` gives of the player in that seat: with
+            more than 1 each one with the action that led to it, (N, stack, 15), from the oldest on.
         autoreset_mode: when the next episode of a table begins: an `AutoresetMode` of Gymnasium, or its value. With
             `DISABLED`, `reset` the tables that are done.
         max_episode_steps: steps after which an episode is truncated; None: those of the task's id; -1: no limit.
@@ -121,6 +126,7 @@ class Game:
     Attributes:
         out: `Outputs` of the last step or reset.
         pools: the pools of the left and of the right seat.
+        interfaces: what stands between the left player, and the right one, and the table.
         spec: the `TableSpec` in play; with `randomize`, the one that others are drawn around.
     """
 
@@ -140,6 +146,8 @@ class Game:
         control_hz: float = 50,
         randomize: Mapping[str, Any] | None = None,
         camera: CameraLike | Sequence[CameraLike | None] | None = None,
+        left_stack: int = 1,
+        right_stack: int = 1,
         points: int | None = None,
         max_episode_steps: int | None = NO_LIMIT,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
@@ -168,23 +176,28 @@ class Game:
         self.settings["shaped"] = check_choice("reward", reward, REWARDS) == "shaped"
         self.settings["autoreset"] = _AUTORESET[self.autoreset_mode]
         self.settings["randomized"] = bool(self.randomized)
-        self.cameras = self._make_cameras(camera)
-        self._looked_through = any(one is not None for one in self.cameras)
+        cameras = _pair_of_cameras(camera)
+        self.stacks = check_stack("left_stack", left_stack), check_stack("right_stack", right_stack)
 
         self.states = records(n, STATE)
         self.states["skill"][:, LEFT] = check_skill(left_skill, n, "left_skill")
         self.states["skill"][:, RIGHT] = check_skill(right_skill, n, "right_skill")
         self.out: Outputs = make_outputs(n, bool(self.randomized))
         self._drivers = np.full((2, n), EXTERNAL, np.int8)
+        self._tables = Tables(self.parameters, self.settings, self._drivers, self.out)
+        self.interfaces = self._make_interfaces(cameras)
         self.pools = (self._make_pool("left", LEFT, left), self._make_pool("right", RIGHT, right))
         self._no_actions = np.zeros((n, 2), np.float32)
         self._all_rows = np.arange(n)
-        self._observed = (False, False)  # the seats whose observations are kept
-        self._keep_observations()
+        self._needs: tuple[Needs, Needs] | None = None  # those of the two pools that were last seen to
+        self._parts: list[Part] = []  # of both players' interfaces
+        self._see_to_needs()
         self.begun = False
         self.seeded = False
         self.action_names = ("left", "right")
         """What errors call the actions of the two players."""
+        self.plain = self.pixels is None and self.stacks == (1, 1)
+        """Whether `observations` are those in `out`."""
         self.one_table = False
         """Whether actions come without an axis of tables, which a game on one table needs not have."""
 
@@ -264,16 +277,24 @@ class Game:
         specs = self.out.final_spec if final else self.parameters["spec"]
         return {name: specs[:, FIELDS.index(name)].copy() for name in self.randomized}
 
-    def observations(self, seat: int = LEFT) -> NDArray[Any]:
-        """A player's observations as they are now, a fresh array: float32 (N, 13), or pictures; see `obs_type`.
+    def observations(self, seat: int = LEFT, rows: NDArray[np.int64] | None = None) -> NDArray[Any]:
+        """A player's observations as they are now, a fresh array: of all tables, or of those numbered by `rows`.
+
+        float32 (N, 13), or with a stack of more than 1 (N, stack, 15); or pictures, see `obs_type`.
 
         Raises:
             ValueError: a scripted player plays that seat, who looks at no observations.
         """
         if not self.pools[seat].observes:
             raise fault("seat", "one that the caller or a policy plays, not a scripted player's", seat)
-        self._keep_observations()
-        return self.as_observations(self.out.observation[seat])
+        self._see_to_needs()
+        seen = self.interfaces[seat].seen(self.stacks[seat])
+        return self.as_observations(seen if rows is None else seen[rows], rows)
+
+    def final_observations(self, rows: NDArray[np.int64], seat: int = LEFT) -> NDArray[Any]:
+        """What a player saw at the end of the episodes that an automatic reset ended on the given tables, likewise."""
+        final = self.interfaces[seat].seen(self.stacks[seat], final=True)
+        return self.as_observations(final[rows], rows, final=True)
 
     def contacts(self) -> NDArray[np.void]:
         """The contacts of the last step, a copy: (N, CONTACT_ROWS) records of `CONTACT`.
@@ -299,7 +320,8 @@ class Game:
             ValueError: there are no such tables.
         """
         rows = self.check_rows(indices, "indices", repeated=True)
-        return save(rows, self.states, self.parameters, bool(self.randomized), self.cameras)
+        self._see_to_needs()
+        return save(rows, self.states, self.parameters, bool(self.randomized), self.interfaces)
 
     @one_at_a_time
     def set_state(self, state: NDArray[np.void], indices: ArrayLike | None = None) -> None:
@@ -317,7 +339,8 @@ class Game:
                 larger pool of players. Nothing has changed then.
         """
         rows = self.check_rows(indices, "indices")
-        check_state(state, rows.shape, self.parameters, bool(self.randomized), self.cameras)
+        self._see_to_needs()
+        check_state(state, rows.shape, self.parameters, bool(self.randomized), self.interfaces)
         members = game_state(state)["member"]
         for seat, pool in zip(SEATS, self.pools, strict=True):
             places = max(len(pool.members), 1)
@@ -327,7 +350,7 @@ class Game:
                     f"played by number {members[:, seat].max()} (counted from 0)"
                 )
         moved = (members != self.states["member"][rows]).any(axis=0)
-        restore(state, rows, self.states, self.parameters, bool(self.randomized), self.cameras)
+        restore(state, rows, self.states, self.parameters, bool(self.randomized), self.interfaces)
         for seat, pool in zip(SEATS, self.pools, strict=True):
             if moved[seat]:
                 pool.refresh(rows)
@@ -344,7 +367,7 @@ class Game:
     # What the environments need besides -------------------------------------------------------------------------
 
     def seed(self, seeds: Sequence[int | None], rows: NDArray[np.int64], fresh: Callable[[int], NDArray[Any]]) -> None:
-        """Start the random streams, cameras' included, of those of the given tables that have a seed.
+        """Start the random streams, those of the players' interfaces included, of the given tables that have a seed.
 
         Args:
             seeds: (N,) checked seeds, or None.
@@ -359,10 +382,8 @@ class Game:
             streams.update({i: drawn[i] for i in missing})
         for i, seed in streams.items():
             self.states["stream"][i] = stream_from_seed(int(seed))
-            for seat, cameras in zip(SEATS, self.cameras, strict=True):
-                if cameras is not None:
-                    key = np.random.SeedSequence(int(seed), spawn_key=(1 + seat,))
-                    cameras.states["stream"][i] = key.generate_state(1, np.uint64)[0]
+            for part in self._parts:
+                part.seed(i, int(seed))
         self.seeded = True
 
     def begin(self, rows: NDArray[np.int64], options: ResetOptions) -> None:
@@ -370,9 +391,8 @@ class Game:
         sides = np.full(len(rows), SERVERS[options.serve], np.int64)
         given = (self.states, self.parameters, self.settings, self.ranges)
         reset_rows(rows, sides, options.puck(), *given, self.out)
-        for seat, cameras in zip(SEATS, self.cameras, strict=True):
-            if cameras is not None:
-                start_rows(rows, seat, self.parameters, cameras, self.out)
+        for part in self._parts:
+            part.start(rows)
         self.begun = self.begun or bool(self.states["side"].all())  # a puck that was served is on a side
 
     def check_actions(self, seat: int, given: Any) -> NDArray[np.float32]:
@@ -381,18 +401,23 @@ class Game:
         Raises:
             ValueError: they are missing, or of another shape or kind than the action space's, or not finite.
         """
-        name = self.action_names[seat]
         if not self.pools[seat].by_caller:
             if given is not None:
-                raise fault(name, "None, because the caller does not play this seat", given)
+                raise fault(self.action_names[seat], "None, because the caller does not play this seat", given)
             return self._no_actions
-        shape = () if self.one_table else (self.num_tables,)
+        if (
+            self.one_table
+            and self.continuous
+            and type(given) is np.ndarray
+            and given.dtype == _FLOAT32
+            and given.shape == (2,)
+        ):
+            x, y = given.tolist()
+            if math.isfinite(x + y) and given.flags.c_contiguous:
+                return given.reshape(1, 2)
+        name, shape = self.action_names[seat], () if self.one_table else (self.num_tables,)
         if not self.continuous:
             return check_directions(name, given, shape)
-        if self.one_table:
-            usual = isinstance(given, np.ndarray) and given.dtype == np.float32 and given.shape == (2,)
-            if usual and given.flags.c_contiguous and math.isfinite(given[0]) and math.isfinite(given[1]):  # quickly
-                return given.reshape(1, 2)
         return check_velocities(name, given, (*shape, 2)).reshape(self.num_tables, 2)
 
     def play(self, left_actions: NDArray[np.float32], right_actions: NDArray[np.float32] | None = None) -> None:
@@ -407,36 +432,49 @@ class Game:
                 over = np.flatnonzero(done).tolist()
                 raise ResetNeeded(f"the episodes on tables {over} are over: reset them before step")
         left, right = self.pools
-        if (left.observes, right.observes) != self._observed:  # a policy has come into a pool, or left it
-            self._keep_observations()
+        if (left.needs, right.needs) != self._needs:
+            self._see_to_needs()
         if left.asks:
             left_actions = left.actions()
         if right.asks:
             right_actions = right.actions()
-        self._threads.share(n, ROWS_PER_THREAD, self._step_rows, left_actions, right_actions)
+        if n < 2 * ROWS_PER_THREAD:
+            self._step_rows(0, n, left_actions, right_actions)
+        else:
+            self._threads.share(n, ROWS_PER_THREAD, self._step_rows, left_actions, right_actions)
 
     def as_observations(
         self, observations: NDArray[np.float32], rows: NDArray[np.int64] | None = None, final: bool = False
     ) -> NDArray[Any]:
-        """State observations (n, 13) of all tables, or of those numbered by `rows`, as `obs_type` says; a fresh array.
+        """State observations of all tables, or of those numbered by `rows`, as `obs_type` says; a fresh array.
 
-        float32 (n, 13), a copy; or pictures, uint8 (n, 84, 84, 3) or (n, 84, 84). `final`: these are observations that
-        an automatic reset replaced, on tables that it may have drawn again.
+        A copy; or pictures of each observation (..., 13) or row of a stack (..., 15): uint8 (..., 84, 84, 3) or
+        (..., 84, 84).
+
+        Args:
+            observations: float32 (n, 13), or (n, stack, 15).
+            rows: numbers of these n tables.
+            final: these are observations that an automatic reset replaced, on tables that it may have drawn again.
         """
         if self.pixels is None:
             return observations.copy()
-        n = len(observations)
+        shape = observations.shape[:-1]
         parameters = self.parameters if rows is None or len(self.parameters) == 1 else self.parameters[rows]
         if final and self.randomized:
             parameters = with_specs(parameters, self.out.final_spec if rows is None else self.out.final_spec[rows])
+        if len(shape) > 1:
+            observations = observations.reshape(-1, observations.shape[-1])
+            parameters = parameters if len(parameters) == 1 else np.repeat(parameters, shape[1])
+        n = len(observations)
         background = self.pixels.background(parameters)
         frames = self.pixels.blank(n, again=rows is None)
         self._threads.share(n, PICTURES_PER_THREAD, self.pixels.draw, observations, parameters, background, frames)
-        return frames if frames.shape[-1] > 1 else frames[..., 0]
+        pictures = frames if frames.shape[-1] > 1 else frames[..., 0]
+        return pictures.reshape(*shape, *pictures.shape[1:])
 
     def exact_observations(self, seat: int = LEFT) -> NDArray[np.float32]:
         """A player's state observations as they would be without a camera, a fresh array: (N, 13)."""
-        if self.cameras[seat] is None:
+        if self.interfaces[seat].camera is None:
             return self.out.observation[seat].copy()
         exact = make_outputs(self.num_tables, bool(self.randomized))
         refresh_rows(self._all_rows, self.states, self.parameters, self.settings, exact)
@@ -481,37 +519,42 @@ class Game:
         Raises:
             ValueError: no such camera.
         """
-        self.cameras = self._make_cameras(camera)
-        self._looked_through = any(one is not None for one in self.cameras)
+        self.interfaces = self._make_interfaces(_pair_of_cameras(camera))
+        for pool, interface in zip(self.pools, self.interfaces, strict=True):
+            pool.look_through(interface)
         self.states["side"] = 0
         self.begun = self.seeded = False
-        self._keep_observations()
+        self._needs = None
+        self._see_to_needs()
 
     # How it is done ---------------------------------------------------------------------------------------------
 
     def _make_pool(self, name: str, seat: int, players: Seat) -> Pool:
         members = None if players is None else resolve_players(name, players)
-        return Pool(name, seat, members, self.states, self._drivers, self.out.observation, self._threads)
+        return Pool(name, seat, members, self.states, self._drivers, self.interfaces[seat], self._threads)
 
-    def _make_cameras(self, camera: Any) -> tuple[CameraArrays | None, CameraArrays | None]:
-        pair = camera if isinstance(camera, (list, tuple)) else (camera, camera)
-        if len(pair) != 2:
-            raise fault("camera", "one camera for both players or a pair (left, right)", camera)
-        made = [
-            None if one is None else make_camera(resolve_camera(one), self.num_tables, self.control_hz) for one in pair
-        ]
-        return made[LEFT], made[RIGHT]
+    def _make_interfaces(self, cameras: Sequence[Camera | None]) -> tuple[PlayerInterface, PlayerInterface]:
+        left, right = (PlayerInterface(seat, self._tables, self.control_hz, cameras[seat]) for seat in SEATS)
+        return left, right
 
-    def _keep_observations(self) -> None:
-        """Keep the observations of those seats whose players, or cameras, look at them, and of no others."""
-        observed = self.pools[LEFT].observes, self.pools[RIGHT].observes
-        before, self._observed = self._observed, observed
-        # A camera looks on whoever plays, so that a policy that comes into the pool sees what it has seen.
-        self.settings["observed"] = [observed[seat] or self.cameras[seat] is not None for seat in SEATS]
-        if observed[LEFT] > before[LEFT] or observed[RIGHT] > before[RIGHT]:
+    def _see_to_needs(self) -> None:
+        """Work out, and remember, what those look at who play now, and nothing else."""
+        needs = self.pools[LEFT].needs, self.pools[RIGHT].needs
+        if needs == self._needs:
+            return
+        self._needs = needs
+        stacks = [max(self.stacks[seat], needs[seat].stack) for seat in SEATS]
+        before = self.settings["observed"][0].tolist()
+        # Cameras and histories look on whoever plays: a policy that comes into the pool knows what it would know.
+        observed = [needs[seat].observes or stacks[seat] > 1 or bool(self.interfaces[seat].parts) for seat in SEATS]
+        self.settings["observed"] = observed
+        if any(observed[seat] > before[seat] for seat in SEATS):
             begun = np.flatnonzero(self.states["side"])
             if len(begun):
                 self._refresh(begun)
+        for seat in SEATS:
+            self.interfaces[seat].remember(stacks[seat])
+        self._parts = [part for interface in self.interfaces for part in interface.parts]
 
     def _step_rows(self, first: int, last: int, left: NDArray[np.float32], right: NDArray[np.float32]) -> None:
         fixed = (self.states, self.parameters, self.settings, self.ranges, self._drivers)
@@ -520,17 +563,22 @@ class Game:
                 machine_code(step_rows, first, last, *fixed, self._no_actions, self._no_actions, self.out)
             )
         _step_code[0](first, last, *fixed, left, right, self.out)
-        if self._looked_through:
-            for seat, cameras in zip(SEATS, self.cameras, strict=True):
-                if cameras is not None:
-                    follow_rows(first, last, seat, self.parameters, cameras, self.out)
+        for part in self._parts:
+            part.follow(first, last, right if part.seat else left)
 
     def _refresh(self, rows: NDArray[np.int64]) -> None:
         """Bring the outputs of the given tables up to date after their states were changed from outside."""
         refresh_rows(rows, self.states, self.parameters, self.settings, self.out)
-        for seat, cameras in zip(SEATS, self.cameras, strict=True):
-            if cameras is not None:
-                show_rows(rows, seat, cameras, self.out)
+        for part in self._parts:
+            part.show(rows)
+
+
+def _pair_of_cameras(given: Any) -> list[Camera | None]:
+    """The cameras of the left and of the right player."""
+    pair = given if isinstance(given, (list, tuple)) else (given, given)
+    if len(pair) != 2:
+        raise fault("camera", "one camera for both players or a pair (left, right)", given)
+    return [None if one is None else resolve_camera(one) for one in pair]
 
 
 def _autoreset_mode(given: Any) -> AutoresetMode:

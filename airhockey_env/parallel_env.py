@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from airhockey_env._base import TableEnv
 from airhockey_env.cameras import Camera
-from airhockey_env.checks import check_choice, check_limit, check_seed
+from airhockey_env.checks import check_choice, check_limit, check_seed, check_stack
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT, RIGHT
 from airhockey_env.spaces import action_space, observation_space
@@ -66,7 +66,7 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
 
     ## Observation space
     Each agent has the observations of `AirHockeyEnv` from its own side (own goal at -x): `Box(-1, 1, (13,), float32)`,
-    or pictures with `obs_type`.
+    or pictures with `obs_type`, or stacks of them with `stack`.
 
     ## Global state
     `state()` returns the whole table as the left agent sees it, exact even with a camera, in `state_space`,
@@ -103,6 +103,7 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
     | `control_hz` | 10 to 240: control steps per second | 50 |
     | `randomize` | None, or a mapping from `TableSpec` fields to (low, high) to draw from for every episode | None |
     | `camera` | as in `AirHockeyEnv`, for both agents, or a pair (left, right) | None |
+    | `stack` | 1 to 64: as in `AirHockeyEnv`, for both agents | 1 |
     | `max_episode_steps` | steps that truncate an episode; None: 1500, in a match 15000; -1: no limit | None |
     | `render_mode` | None, `"rgb_array"`, `"human"` | None |
     | `render_size` | (width, height) px or None | None |
@@ -134,6 +135,7 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
         control_hz: float = 50,
         randomize: Mapping[str, tuple[float, float]] | None = None,
         camera: str | Camera | Mapping[str, Any] | Sequence[Any] | None = None,
+        stack: int = 1,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
@@ -151,6 +153,8 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
             control_hz=control_hz,
             randomize=randomize,
             camera=camera,
+            left_stack=check_stack("stack", stack),
+            right_stack=stack,
             max_episode_steps=max_episode_steps,
             autoreset_mode=AutoresetMode.DISABLED,
             num_threads=1,
@@ -158,7 +162,7 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
         self._set_up(game, render_mode, render_size, ("actions['left']", "actions['right']"))
         self.possible_agents = list(AGENTS)
         self.agents: list[str] = []
-        self.observation_spaces = {agent: observation_space(game.obs_type) for agent in AGENTS}
+        self.observation_spaces = {agent: observation_space(game.obs_type, game.stacks[LEFT]) for agent in AGENTS}
         self.action_spaces = {agent: action_space(game.continuous) for agent in AGENTS}
         self.state_space = observation_space()
 
@@ -277,7 +281,7 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
 
     def _observations(self) -> dict[str, NDArray[Any]]:
         game, out = self._game, self._game.out
-        if game.pixels is None:  # quickly
+        if game.plain:  # quickly
             return {"left": out.observation[LEFT, 0].copy(), "right": out.observation[RIGHT, 0].copy()}
         return {"left": game.observations(LEFT)[0], "right": game.observations(RIGHT)[0]}
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env._base import BatchEnv
 from airhockey_env.cameras import Camera
-from airhockey_env.checks import as_whole, check_seed, check_skill, check_whole, shown
+from airhockey_env.checks import as_whole, check_seed, check_skill, check_stack, check_whole, shown
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT
 from airhockey_env.opponents.players import Player, resolve_players
@@ -43,16 +43,17 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
     each table's own. What concerns the whole batch is called directly, through Stable-Baselines3's wrappers too.
 
     Pictures have an axis of channels, as Stable-Baselines3's `VecFrameStack` and `CnnPolicy` need it:
-    `obs_type="grayscale"` gives (84, 84, 1) here.
+    `obs_type="grayscale"` gives (84, 84, 1) here, and with `stack=K` (K, 84, 84), where the pictures are the channels.
 
     Args:
         num_envs: number of tables.
         max_episode_steps: steps after which an episode is truncated; None: those of the task's id; -1: no limit.
         num_threads: threads that share a large batch; None takes all cores. The results do not depend on it.
         render_mode: None or `"rgb_array"`.
-        task, opponent, opponent_skill, table, obs_type, continuous, reward, control_hz, randomize, camera, render_size:
-            as in `AirHockeyEnv`. `opponent` may also be a sequence, a pool whose members share the tables and that can
-            be changed while playing: see `pool`. `opponent_skill` may also be an array, one for each table.
+        task, opponent, opponent_skill, table, obs_type, continuous, reward, control_hz, randomize, camera, stack,
+            render_size: as in `AirHockeyEnv`. `opponent` may also be a sequence, a pool whose members share the tables
+            and that can be changed while playing: see `pool`. `opponent_skill` may also be an array, one for each
+            table.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012
@@ -73,6 +74,7 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
         control_hz: float = 50,
         randomize: Mapping[str, tuple[float, float]] | None = None,
         camera: str | Camera | Mapping[str, Any] | None = None,
+        stack: int = 1,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
     ) -> None:
@@ -89,14 +91,16 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
             control_hz=control_hz,
             randomize=randomize,
             camera=(camera, None),
+            left_stack=check_stack("stack", stack),
             max_episode_steps=max_episode_steps,
             autoreset_mode=AutoresetMode.SAME_STEP,
             num_threads=num_threads,
         )
         self._set_up(game, render_mode, render_size, ("actions", "opponent"))
         self._actions: np.ndarray | None = None
-        space = observation_space(game.obs_type)
-        if game.obs_type == "grayscale":
+        space = observation_space(game.obs_type, game.stacks[LEFT])
+        self._adds_channels = game.obs_type == "grayscale" and game.stacks[LEFT] == 1
+        if self._adds_channels:
             space = spaces.Box(0, 255, (*space.shape, 1), np.uint8)
         metadata = self.metadata
         super().__init__(game.num_tables, space, action_space(game.continuous))
@@ -212,8 +216,7 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
         drawn = self._game.randomized_values(final=True)
         finals: Any = ()
         if len(rows):
-            finals = self._game.as_observations(out.final_observation[LEFT][rows], rows, final=True)
-            finals = self._with_channels(finals)
+            finals = self._with_channels(self._game.final_observations(rows))
         for i, final in zip(rows, finals, strict=True):
             score = out.final_score[i].copy()
             infos[i] = {
@@ -284,7 +287,7 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
         return [False for _ in self._rows(indices)]
 
     def _with_channels(self, observations: NDArray[Any]) -> NDArray[Any]:
-        return observations[..., None] if self._game.obs_type == "grayscale" else observations
+        return observations[..., None] if self._adds_channels else observations
 
     def _spaces_of_a_table(self) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
         return self.observation_space, self.action_space

@@ -7,15 +7,15 @@ from gymnasium import spaces
 
 from airhockey_env.actions import DIRECTIONS
 from airhockey_env.drawing.pixels import CHANNELS, SIZE
-from airhockey_env.kernel.state import OBSERVATION_SIZE
+from airhockey_env.kernel.state import observation_shape
 
 
-def observation_space(obs_type: str = "state") -> spaces.Box:
-    """State observations or pictures: see `AirHockeyEnv`."""
+def observation_space(obs_type: str = "state", stack: int = 1) -> spaces.Box:
+    """State observations or pictures, or stacks of them: see `AirHockeyEnv`."""
     if obs_type in CHANNELS:
-        shape = (SIZE, SIZE) if CHANNELS[obs_type] == 1 else (SIZE, SIZE, CHANNELS[obs_type])
-        return spaces.Box(0, 255, shape, np.uint8)
-    return spaces.Box(-1.0, 1.0, (OBSERVATION_SIZE,), np.float32)
+        picture = (SIZE, SIZE) if CHANNELS[obs_type] == 1 else (SIZE, SIZE, CHANNELS[obs_type])
+        return spaces.Box(0, 255, picture if stack == 1 else (stack, *picture), np.uint8)
+    return spaces.Box(-1.0, 1.0, observation_shape(stack), np.float32)
 
 
 def action_space(continuous: bool) -> spaces.Box | spaces.Discrete:

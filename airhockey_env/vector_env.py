@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env._base import BatchEnv, warn_of_no_render_mode
 from airhockey_env.cameras import Camera
-from airhockey_env.checks import check_skill, check_whole
+from airhockey_env.checks import check_skill, check_stack, check_whole
 from airhockey_env.final_observations import FinalObservations
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT
@@ -39,9 +39,9 @@ class AirHockeyVectorEnv(BatchEnv, VectorEnv):
         render_mode: None; `"rgb_array"`, with which `render()` returns a tuple of pictures, one for each table; or
             `"rgb_array_list"`, with which it returns a tuple of lists, the pictures of each table's episode since the
             last call, as with Gymnasium's `RenderCollection`.
-        task, opponent, opponent_skill, table, obs_type, continuous, reward, control_hz, randomize, camera, render_size:
-            as in `AirHockeyEnv`. A callable opponent is asked once a step, for all tables. `opponent` may also be a
-            sequence, a pool whose members share the tables and that can be changed while playing: see `pool`.
+        task, opponent, opponent_skill, table, obs_type, continuous, reward, control_hz, randomize, camera, stack,
+            render_size: as in `AirHockeyEnv`. A callable opponent is asked once a step, for all tables. `opponent` may
+            also be a sequence, a pool whose members share the tables and that can be changed while playing: see `pool`.
             `opponent_skill` may also be an array, one for each table.
 
     Infos have Gymnasium's vector form: `score` (num_envs, 2), `foul` and `is_success` (num_envs,), and with `randomize`
@@ -74,6 +74,7 @@ class AirHockeyVectorEnv(BatchEnv, VectorEnv):
         control_hz: float = 50,
         randomize: Mapping[str, tuple[float, float]] | None = None,
         camera: str | Camera | Mapping[str, Any] | None = None,
+        stack: int = 1,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
     ) -> None:
@@ -90,6 +91,7 @@ class AirHockeyVectorEnv(BatchEnv, VectorEnv):
             control_hz=control_hz,
             randomize=randomize,
             camera=(camera, None),
+            left_stack=check_stack("stack", stack),
             max_episode_steps=max_episode_steps,
             autoreset_mode=autoreset_mode,
             num_threads=num_threads,
@@ -101,7 +103,7 @@ class AirHockeyVectorEnv(BatchEnv, VectorEnv):
         ]
         self.metadata["autoreset_mode"] = self.autoreset_mode
         self.num_envs = game.num_tables
-        self.single_observation_space = observation_space(game.obs_type)
+        self.single_observation_space = observation_space(game.obs_type, game.stacks[LEFT])
         self.single_action_space = action_space(game.continuous)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
@@ -261,7 +263,7 @@ class AirHockeyVectorEnv(BatchEnv, VectorEnv):
             return
         rows = np.flatnonzero(done)
         observations = np.full(self.num_envs, None, dtype=object).view(FinalObservations)
-        finals = self._game.as_observations(out.final_observation[LEFT][rows], rows, final=True)
+        finals = self._game.final_observations(rows)
         for row, final in zip(rows, finals, strict=True):
             observations[row] = final
         infos["final_obs"], infos["_final_obs"] = observations, done

@@ -155,12 +155,13 @@ def turned(tables: NDArray[np.void]) -> NDArray[np.void]:
 # Policies
 
 
-def some_policy(outputs: int = 2, activation: str = "tanh", seed: int = 3) -> MlpPolicy:
+def some_policy(outputs: int = 2, activation: str = "tanh", seed: int = 3, stack: int = 1) -> MlpPolicy:
     """A policy with two hidden layers and random weights, that can be saved to a file."""
     random = np.random.default_rng(seed)
-    sizes = (13, 8, 8, outputs)
+    sizes = (13 if stack == 1 else 15 * stack, 8, 8, outputs)
     weights = [random.normal(0.0, 0.5, (after, before)).astype(np.float32) for before, after in pairwise(sizes)]
-    return MlpPolicy(weights, [random.normal(0.0, 0.1, size).astype(np.float32) for size in sizes[1:]], activation)
+    biases = [random.normal(0.0, 0.1, size).astype(np.float32) for size in sizes[1:]]
+    return MlpPolicy(weights, biases, activation, stack=stack)
 
 
 def still_policy() -> MlpPolicy:

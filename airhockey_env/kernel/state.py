@@ -24,6 +24,8 @@ HOME = 0.8
 """A paddle's place at a serve, on the long axis: share of the half length from the centre."""
 
 OBSERVATION_SIZE = 13
+ROW_SIZE = OBSERVATION_SIZE + 2
+"""Columns of a row of a player's history: an observation and the action that led to it."""
 CONTACT_ROWS = 8
 """Contacts of one step that a batch keeps for each table."""
 
@@ -85,3 +87,8 @@ SETTINGS = np.dtype(
 )
 
 AUTORESET_DISABLED, AUTORESET_NEXT_STEP, AUTORESET_SAME_STEP = range(3)
+
+
+def observation_shape(stack: int) -> tuple[int, ...]:
+    """The shape of a player's observations of the state: of one alone, or of a stack of rows."""
+    return (OBSERVATION_SIZE,) if stack == 1 else (stack, ROW_SIZE)

@@ -13,12 +13,13 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from airhockey_env.game import Game
+from airhockey_env.kernel.history import next_history
 from airhockey_env.kernel.scripted import SCRIPTED
 from airhockey_env.kernel.state import LEFT, PUCK, RIGHT, SEATS
 from airhockey_env.live.hand import Hand
 from airhockey_env.live.pointer import Pointer
 from airhockey_env.live.recording import Recording
-from airhockey_env.opponents.players import Player, Policy, policy_of, resolve_player
+from airhockey_env.opponents.players import Player, Policy, policy_of, resolve_player, stack_of
 from airhockey_env.replay.file import Replay
 from airhockey_env.tables import TableSpec
 
@@ -75,7 +76,7 @@ class _Held:
     """A policy whose answer holds until it is asked again.
 
     Args:
-        policy: from observations (1, 13) to actions (1, 2).
+        policy: from observations (1, 13), or stacks of them (1, K, 15), to actions (1, 2).
         seat: LEFT or RIGHT.
         skill: the share of its paddle's speed that it uses, 0 to 1.
         steps: control steps for which an answer holds.
@@ -89,11 +90,15 @@ class _Held:
         """Begin a match."""
         self._left = 0
         self._answer = np.zeros((1, 2), np.float32)
+        self._history: NDArray[np.float32] | None = None
 
     def act(self, game: Game) -> NDArray[np.float32]:
         """The action (1, 2) for the coming step."""
         if not self._left:
-            answer = self.policy(game.out.observation[self._seat])
+            seen = game.out.observation[self._seat]
+            if (stack := stack_of(self.policy)) > 1:  # the last times that it was asked, as when it was trained
+                seen = self._history = next_history(self._history, seen, self._answer, stack)
+            answer = self.policy(seen)
             self._answer = game.check_actions(self._seat, answer) * self._skill
             self._left = self._steps
         self._left -= 1

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from airhockey_env.checks import check_stack
 from airhockey_env.kernel.scripted import EXTERNAL, SCRIPTED
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.opponents.trained import TRAINED, trained_policy
@@ -19,7 +20,10 @@ NAMES = (*SCRIPTED, *TRAINED)
 """The names of players."""
 
 Policy = Callable[[NDArray[np.float32]], ArrayLike]
-"""A policy: float32 observations (N, 13), seen from its own side, to actions (N, 2)."""
+"""A policy: float32 observations (N, 13), seen from its own side, to actions (N, 2).
+
+With an attribute `stack`, a whole number K from 2 to 64, it is given the last K observations and the actions that led
+to them instead, (N, K, 15), as an environment with this `stack` shows them."""
 
 Player = str | os.PathLike[str] | Policy
 """Who plays: a name in `NAMES`, the path of a `policy.npz` or of a run's folder, or a policy."""
@@ -56,7 +60,10 @@ def resolve_player(name: str, given: Any, where: str = "") -> str | Policy:
     Raises:
         ValueError: no such player, or the file holds no policy.
     """
-    if callable(given) or (isinstance(given, str) and given in NAMES):
+    if isinstance(given, str) and given in NAMES:
+        return given
+    if callable(given):
+        check_stack(f"{name}.stack{where}", stack_of(given))
         return given
     path, problem = os.fspath(given) if isinstance(given, os.PathLike) else given, ""
     if path and isinstance(path, str):
@@ -89,3 +96,8 @@ def driver_of(member: str | Policy) -> int:
 def policy_of(member: str | Policy) -> Policy:
     """The policy of a member of a pool that is no scripted player."""
     return trained_policy(member) if isinstance(member, str) else member
+
+
+def stack_of(member: str | Policy) -> int:
+    """How many observations a member of a pool is shown at once: 1 for scripted players, who look at none."""
+    return 1 if driver_of(member) != EXTERNAL else getattr(policy_of(member), "stack", 1)

@@ -8,6 +8,7 @@ and batch.
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -16,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airhockey_env.actions import DIRECTIONS
-from airhockey_env.checks import check_choice
+from airhockey_env.checks import check_choice, check_stack
 from airhockey_env.compiled import compiled, inlined
 from airhockey_env.files import read_arrays, replace
-from airhockey_env.kernel.state import OBSERVATION_SIZE
+from airhockey_env.kernel.state import observation_shape
 
 ACTIVATIONS = ("tanh", "relu")
 
@@ -174,14 +175,16 @@ class MlpPolicy:
     """A deterministic policy: a fully connected network from state observations to actions.
 
     Args:
-        weights: one (out, in) array a layer; the first takes the 13 observations, the last gives two target
-            velocities (a continuous policy) or nine scores (a discrete one, which takes the highest).
+        weights: one (out, in) array a layer; the first takes the 13 numbers of an observation, or the 15 of each row of
+            a stack, from the oldest row on; the last gives two target velocities (a continuous policy) or nine scores
+            (a discrete one, which takes the highest).
         biases: one (out,) array a layer.
         activation: `"tanh"` or `"relu"`, between the layers.
         squash: whether the outputs go through tanh, as those of SAC and TD3 do; else they are clipped to [-1, 1].
+        stack: how many observations it is shown at once, 1 to 64: as the argument `stack` of the environments.
 
     Raises:
-        ValueError: the layers do not fit together, or hold what is no finite number.
+        ValueError: the layers do not fit together, or hold what is no finite number; or `stack` is out of range.
     """
 
     def __init__(
@@ -190,14 +193,17 @@ class MlpPolicy:
         biases: Sequence[NDArray[np.float32]],
         activation: str = "tanh",
         squash: bool = False,
+        stack: int = 1,
     ) -> None:
+        self.stack = check_stack("stack", stack)
+        self._shape = observation_shape(self.stack)
         self.activation = check_choice("activation", activation, ACTIVATIONS)
         self.weights, self.biases = _layers("weights", weights), _layers("biases", biases)
         if len(self.weights) != len(self.biases):
             raise ValueError(
                 f"weights and biases must be of the same number, got {len(self.weights)} and {len(self.biases)}"
             )
-        size = OBSERVATION_SIZE
+        size = inputs = math.prod(self._shape)
         for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             if weight.ndim != 2 or weight.shape[1] != size or bias.shape != weight.shape[:1]:
                 raise ValueError(
@@ -207,19 +213,28 @@ class MlpPolicy:
         if size not in (2, len(DIRECTIONS)):
             raise ValueError(f"the last layer must have 2 or {len(DIRECTIONS)} outputs, got {size}")
         self.squash = bool(squash)
-        self._sizes = np.array([OBSERVATION_SIZE, *(len(bias) for bias in self.biases)])
+        self._sizes = np.array([inputs, *(len(bias) for bias in self.biases)])
         layers = zip(self.weights, self.biases, strict=True)
         self._parameters = np.concatenate([part for weight, bias in layers for part in (weight.T.ravel(), bias)])
 
     def __call__(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Actions (N, 2) in [-1, 1] for observations (N, 13)."""
-        out = np.empty((len(observations), self._sizes[-1]), np.float32)
-        _forward(observations, self._parameters, self._sizes, self.activation == "tanh", self.squash, out)
+        """Actions (N, 2) in [-1, 1] for observations (N, 13), or (N, stack, 15).
+
+        Raises:
+            ValueError: the observations have another shape.
+        """
+        n = len(observations)
+        if observations.shape[1:] != self._shape:
+            shown = ", ".join(map(str, self._shape))
+            raise ValueError(f"observations must be of shape (N, {shown}), got {observations.shape}")
+        out = np.empty((n, self._sizes[-1]), np.float32)
+        rows = observations.reshape(n, self._sizes[0])
+        _forward(rows, self._parameters, self._sizes, self.activation == "tanh", self.squash, out)
         return np.clip(out, -1.0, 1.0) if out.shape[1] == 2 else DIRECTIONS[out.argmax(axis=1)]
 
     def save(self, path: str | Path) -> None:
         """Write the weights to an .npz file; a file that is there already is replaced at once or not at all."""
-        arrays: dict[str, Any] = {"activation": np.array(self.activation), "squash": np.array(self.squash)}
+        arrays: dict[str, Any] = {name: np.array(getattr(self, name)) for name in ("activation", "squash", "stack")}
         for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             arrays[f"weight_{k}"], arrays[f"bias_{k}"] = weight, bias
         buffer = io.BytesIO()
@@ -239,13 +254,16 @@ class MlpPolicy:
             layers = range(sum(name.startswith("weight_") for name in arrays))
             weights = [arrays[f"weight_{k}"] for k in layers]
             biases = [arrays[f"bias_{k}"] for k in layers]
-            activation, squash = arrays["activation"], arrays.get("squash", np.False_)  # old files have no squash
+            activation = arrays["activation"]
+            squash, stack = arrays.get("squash", np.False_), arrays.get("stack", np.int64(1))  # old files have neither
             kinds = "".join(array.dtype.kind for array in (*weights, *biases))
             if activation.dtype.kind != "U" or squash.dtype.kind != "b" or activation.shape or squash.shape:
                 raise ValueError("activation must be a string and squash a bool")
+            if stack.dtype.kind not in "iu" or stack.shape:
+                raise ValueError("stack must be a whole number")
             if kinds.strip("f"):
                 raise ValueError("weights and biases must be floating-point numbers")
-            return cls(weights, biases, str(activation), bool(squash))
+            return cls(weights, biases, str(activation), bool(squash), int(stack))
         except FileNotFoundError:
             raise
         except Exception as error:  # whatever a damaged file makes of it

@@ -10,9 +10,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env.checks import check_rows, check_skill, check_velocities, check_whole, fault
 from airhockey_env.kernel.scripted import EXTERNAL
-from airhockey_env.kernel.state import LEFT, OBSERVATION_SIZE
-from airhockey_env.opponents.players import Player, Policy, driver_of, policy_of, resolve_player
+from airhockey_env.kernel.state import LEFT
+from airhockey_env.opponents.players import Player, Policy, driver_of, policy_of, resolve_player, stack_of
+from airhockey_env.player_interface import PlayerInterface
 from airhockey_env.threads import Threads, one_at_a_time
+
+
+class Needs(NamedTuple):
+    """What the players of a seat have to be shown."""
+
+    observes: bool
+    """Whether they look at observations: the caller and policies do, scripted players do not."""
+    stack: int
+    """The greatest number of observations that one of the policies in the pool is shown at once."""
 
 
 class Pool:
@@ -21,7 +31,8 @@ class Pool:
     Every table is assigned a place in the pool: table i has the place i modulo the pool's size at first, whatever the
     number of tables, and `assign` changes that while playing. Changes hold from the next step on; episodes under way go
     on, and new episodes leave the assignment as it is. A policy is asked once a step, for all of its tables together;
-    the observations that it is given are valid until the next step.
+    the observations that it is given are valid until the next step. A policy with an attribute `stack` greater than 1
+    is given that many of the last observations, each with the action that led to it, (n, stack, 15): see `Policy`.
 
     ```python
     envs = gymnasium.make_vec("AirHockey-v0", num_envs=4096, opponent=["striker", old_policy]).unwrapped
@@ -42,7 +53,7 @@ class Pool:
         name: what errors call the players.
         by_caller: whether the caller plays this seat.
         asks: whether a policy plays on one of the tables.
-        observes: whether the players look at observations: the caller and policies do, scripted players do not.
+        needs: what the players have to be shown.
         last_actions: (N, 2) what the policies answered in the last step, on the tables that they play.
 
     Args:
@@ -51,7 +62,7 @@ class Pool:
         members: the players, resolved; None if the caller plays.
         states: (N,) `STATE`, those of the game: it keeps who plays where.
         drivers: (2, N) int8, which scripted player drives each paddle; written.
-        observations: (2, N, 13) float32, those of the game.
+        interface: what stands between the players of this seat and the table.
         threads: the game's, whose lock is held during changes.
     """
 
@@ -62,14 +73,14 @@ class Pool:
         members: list[str | Policy] | None,
         states: NDArray[np.void],
         drivers: NDArray[np.int8],
-        observations: NDArray[np.float32],
+        interface: PlayerInterface,
         threads: Threads,
     ) -> None:
         self.name = name
         self.by_caller = members is None
         self._seat = seat
         self._members = members or []
-        self._states, self._drivers, self._observations, self._threads = states, drivers, observations, threads
+        self._states, self._drivers, self._interface, self._threads = states, drivers, interface, threads
         self._room = np.zeros((len(states), 2), np.float32)
         self.last_actions = self._room
         self._groups: list[_Group] | None = None
@@ -165,7 +176,16 @@ class Pool:
             self._drivers[self._seat][rows] = drivers[places[rows]]
         self._groups = None  # made where they are needed
         self.asks = not self.by_caller and bool((self._drivers[self._seat] == EXTERNAL).any())
-        self.observes = self.by_caller or self.asks
+        self.needs = Needs(self.observes, max(map(stack_of, self._members), default=1))
+
+    @property
+    def observes(self) -> bool:
+        """Whether the players look at observations: the caller and policies do, scripted players do not."""
+        return self.by_caller or self.asks
+
+    def look_through(self, interface: PlayerInterface) -> None:
+        """Put something else between the players and the table."""
+        self._interface, self._groups = interface, None
 
     def actions(self) -> NDArray[np.float32]:
         """Ask the policies for their actions, (N, 2) float32; rows of tables that scripted players play mean nothing.
@@ -173,22 +193,21 @@ class Pool:
         Raises:
             ValueError: a policy's actions have the wrong shape, or are not finite.
         """
-        observations = self._observations[self._seat]
         if self._groups is None:
-            self._groups = self._make_groups(observations)
+            self._groups = self._make_groups()
         n, groups = len(self._room), self._groups
         if len(groups) == 1 and len(groups[0].seen) == n:
             group = groups[0]
             self.last_actions = check_velocities(group.name, group.policy(group.seen), (n, 2))
             return self.last_actions
-        for policy, name, rows, seen, copied in groups:
+        for policy, name, rows, seen, source, copied in groups:
             if copied is not None and not isinstance(rows, slice):
-                np.take(observations, rows, axis=0, out=copied, mode="clip")  # other modes would copy twice
+                np.take(source, rows, axis=0, out=copied, mode="clip")  # other modes would copy twice
             self._room[rows] = check_velocities(name, policy(seen), (len(seen), 2))
         self.last_actions = self._room
         return self.last_actions
 
-    def _make_groups(self, observations: NDArray[np.float32]) -> list[_Group]:
+    def _make_groups(self) -> list[_Group]:
         """The tables on which policies play, one group for each policy, in the order of the pool."""
         numbers: dict[int, int] = {}  # a policy may have several places
         group_of = np.full(len(self._members), -1, np.min_scalar_type(-1 - len(self._members)))  # small: sorts faster
@@ -207,12 +226,16 @@ class Pool:
             who = self.name if self.name == "opponent" else f"{self.name} player"
             name = f"the {who}'s actions" if len(self._members) == 1 else f"the actions of {who} {place}"
             policy = policy_of(self._members[place])
+            stack = stack_of(policy)
+            # All that is kept, of which the policy is shown the newest part: taking a part of it would copy it first.
+            source = self._interface.seen(1 if stack == 1 else self._interface.rows)
+            newest = slice(None) if stack == 1 else slice(-stack, None)
             if rows[-1] - rows[0] == len(rows) - 1:
                 part = slice(int(rows[0]), int(rows[-1]) + 1)
-                groups.append(_Group(policy, name, part, _read_only(observations[part]), None))
+                groups.append(_Group(policy, name, part, _read_only(source[part, newest]), source, None))
             else:
-                copied = np.zeros((len(rows), OBSERVATION_SIZE), np.float32)
-                groups.append(_Group(policy, name, rows, _read_only(copied), copied))
+                copied = np.zeros((len(rows), *source.shape[1:]), np.float32)
+                groups.append(_Group(policy, name, rows, _read_only(copied[:, newest]), source, copied))
         return groups
 
     def _rows(self, tables: ArrayLike | None) -> NDArray[np.int64]:
@@ -243,8 +266,9 @@ class _Group(NamedTuple):
     policy: Policy
     name: str  # for errors
     rows: slice | NDArray[np.int64]  # n tables; a slice where they follow each other
-    seen: NDArray[np.float32]  # (n, 13), read-only: a view of all observations with a slice, else of `copied`
-    copied: NDArray[np.float32] | None  # (n, 13), filled in every step
+    seen: NDArray[np.float32]  # (n, 13) or (n, stack, 15), read-only: a view of `source` with a slice, else of `copied`
+    source: NDArray[np.float32]  # (N, 13) or (N, K, 15)
+    copied: NDArray[np.float32] | None  # (n, 13) or (n, K, 15), filled in every step
 
 
 def _read_only(array: NDArray[np.float32]) -> NDArray[np.float32]:

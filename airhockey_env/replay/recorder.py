@@ -128,8 +128,8 @@ class Recorder:
     def _state(self, table: int) -> NDArray[np.void]:
         """The state of a table, (1,), as it would be in a game of its own."""
         game = self._game
-        # Cameras decide what players see, not what comes of their actions.
-        state = save(np.array([table]), game.states, game.parameters, bool(game.randomized), (None, None))
+        # What stands between the players and the table decides what they see, not what comes of their actions.
+        state = save(np.array([table]), game.states, game.parameters, bool(game.randomized), ())
         game_state(state)["member"] = 0
         return state
 

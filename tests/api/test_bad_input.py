@@ -54,6 +54,7 @@ ARGUMENTS = {
     "reward": ("Sparse", None, [], np.zeros(2)),
     "randomize": (1, "length", ["length"], {"length"}, np.zeros(2)),
     "camera": ("phone", 3, {"blur": 1}, [None]),
+    "stack": (0, 65, 2.0, "2", None),
     "control_hz": (9.99, 240.01, "50", None),
     "max_episode_steps": (0, -2, -1.0, 2**31),
     "render_mode": ("ansi", "rgb", 1, [], np.zeros(2)),

@@ -47,6 +47,8 @@ VARIANTS = [
     {},
     {"continuous": False},
     {"reward": "shaped"},
+    {"stack": 3},
+    {"stack": 2, "obs_type": "grayscale", "max_episode_steps": 30},
     {"task": "match", "max_episode_steps": -1},
     *({"table": name} for name in PRESETS),
     *({"control_hz": rate} for rate in (10, 240)),

@@ -39,6 +39,7 @@ VARIANTS = [
 ]
 SEEN_BY_CAMERA = {
     "camera": HEAVY,
+    "stack": 3,
     "opponent": pursue,
     "randomize": {"length": (2.0, 2.6), "puck_radius": (0.03, 0.045)},
 }
@@ -52,6 +53,7 @@ OWN_GOAL = {"puck_position": (-0.9, 0.085), "puck_velocity": (-5.0, 0.0)}
 
 def actions_for(envs, observations, drawn):
     """Drawn actions, with the puck chased half of the time so that there are goals."""
+    observations = observations.reshape(len(observations), -1)[:, -15:]  # the newest of a stack
     chase = np.arange(len(observations)) % 2 == 0
     if isinstance(envs.single_action_space, gym.spaces.Discrete):
         angle = np.arctan2(*(observations[:, 9:7:-1] - observations[:, 1::-1]).T)
@@ -115,7 +117,7 @@ KINDS = {
     "another table": {"table": "challenge", "control_hz": 24, "reward": "shaped"},
     "a swift table": {"table": SWIFT, "control_hz": 120, "opponent_skill": 0.5},
     "randomized": {"randomize": {"width": (1.0, 1.2), "puck_radius": (0.03, 0.045), "paddle_speed": (3.0, 9.0)}},
-    "a camera": {"camera": HEAVY},
+    "a camera": {"camera": HEAVY, "stack": 2},
     "a pool": {"opponent": ["striker", pursue, "random"], "reward": "shaped"},
 }
 
@@ -137,7 +139,7 @@ def test_every_api_gives_the_same_bits(name, obs_type, continuous, kind):
     sb3.seed(30)
 
     def for_sb3(pictures):
-        return pictures[..., None] if obs_type == "grayscale" else pictures
+        return pictures[..., None] if obs_type == "grayscale" and "stack" not in kind else pictures
 
     observations, _ = batch.reset(seed=30)
     assert same(observations, np.stack([env.reset(seed=30 + i)[0] for i, env in enumerate(singles)]))
@@ -195,7 +197,9 @@ def fingerprints(n, threads, **arguments):
 
 
 @pytest.mark.parametrize(
-    "arguments", [{}, {"reward": "shaped", "continuous": False, "opponent": pursue}, {"camera": "robot"}], ids=shown
+    "arguments",
+    [{}, {"reward": "shaped", "continuous": False, "opponent": pursue}, {"camera": "robot", "stack": 3}],
+    ids=shown,
 )
 def test_neither_batch_size_nor_threads_matter(arguments):
     sizes = [(n, threads) for n in (1, 7, 1500, 5000) for threads in ((1, 2, 3) if n > 1000 else (1, 3))]

@@ -31,7 +31,7 @@ DATA = {
     "randomize": {"randomize": {"width": (1.0, 1.2), "puck_radius": (0.03, 0.045)}},
     "opponent": {"opponent": "goalie", "opponent_skill": 0.3, "continuous": False},
     "pictures": {"obs_type": "grayscale", "render_mode": "rgb_array", "render_size": (64, 48)},
-    "camera": {"camera": HEAVY},
+    "camera": {"camera": HEAVY, "stack": 4},
     "limit": {"max_episode_steps": 7},
     "no limit": {"max_episode_steps": -1},
 }
@@ -121,7 +121,8 @@ def test_the_other_constructors_take_the_same_data():
         env, other = make(**data), make(**yaml.safe_load(yaml.safe_dump(data)))
         assert env._game.spec == other._game.spec == CHALLENGE
         assert same(env._game.ranges, other._game.ranges)
-        assert same(env._game.cameras[LEFT].camera, other._game.cameras[LEFT].camera)
+        ours, theirs = (one._game.interfaces[LEFT].camera.arrays.camera for one in (env, other))
+        assert same(ours, theirs)
         assert env._renderer.size == other._renderer.size == (64, 48)
 
 

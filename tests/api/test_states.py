@@ -17,7 +17,8 @@ from tests.helpers import COPIES, HEAVY, SHOT, begin, handed, play, pursue, rand
 
 ROWS = 5
 RANDOMIZE = {"randomize": {"width": (1.0, 1.2), "goal_width": (0.3, 0.5)}}
-SEEN = {"camera": HEAVY, **RANDOMIZE}
+SEEN = {"camera": HEAVY, "stack": 3, **RANDOMIZE}
+PICTURES = {"obs_type": "rgb", "stack": 2, **RANDOMIZE}
 
 
 @pytest.fixture(params=APIS.values(), ids=APIS)
@@ -25,7 +26,7 @@ def make(request):
     return request.param
 
 
-@pytest.mark.parametrize("arguments", [{"reward": "shaped"}, {"obs_type": "rgb", **RANDOMIZE}, SEEN], ids=shown)
+@pytest.mark.parametrize("arguments", [{"reward": "shaped"}, PICTURES, SEEN], ids=shown)
 def test_a_state_put_back_goes_on_the_same(make, arguments):
     env = begin(make(max_episode_steps=50, **arguments))
     play(env, 80)

@@ -288,7 +288,7 @@ def test_the_puck_is_hidden_near_the_opponents_paddle() -> None:
 def test_there_is_room_for_all_frames_on_their_way(camera: Camera, control_hz: float) -> None:
     envs = AirHockeyVectorEnv(8, control_hz=control_hz, max_episode_steps=-1, camera=camera)
     envs.reset(seed=0)
-    memory = envs._game.cameras[LEFT]
+    memory = envs._game.interfaces[LEFT].camera.arrays
     late = (camera.delay_ms + camera.jitter_ms) * 1e-3 * control_hz
     for actions in random_actions(0, 300, 8):
         assert envs.step(actions)[0] in envs.observation_space
@@ -351,7 +351,8 @@ def test_a_turned_table_with_the_cameras_swapped_is_the_same_to_the_other_player
     state = begin(env, 21).get_state()
     swapped = state.copy()
     swapped["state"] = turned(state["state"])
-    swapped["left_camera"], swapped["right_camera"] = state["right_camera"], state["left_camera"]
+    for name in ("camera", "camera_queue", "camera_past"):
+        swapped[f"left_{name}"], swapped[f"right_{name}"] = state[f"right_{name}"], state[f"left_{name}"]
     other.set_state(swapped)
     points = fouls = 0
     for (right,) in random_actions(3, 400, 1):
@@ -431,7 +432,7 @@ def test_a_game_goes_on_the_same_from_a_state_and_in_a_copy(way: str) -> None:
         one.reset(seed)
         for actions in random_actions(seed, 21, 2):
             one.step(actions)
-    assert all(camera is not None and camera.states["waiting"].all() for camera in game.cameras)
+    assert all(interface.camera.arrays.states["waiting"].all() for interface in game.interfaces)
     if way == "set_state":
         other.set_state(game.get_state())
     else:
@@ -456,8 +457,8 @@ DAMAGE = {
     "seen": (INF,),
     "scale": (0.0, NAN, 1.0),
     "reach": (NAN,),
-    "queue": (NAN, INF, 1e9),
-    "past": (-INF,),
+    "camera_queue": (NAN, INF, 1e9),
+    "camera_past": (-INF,),
 }
 
 
@@ -470,8 +471,9 @@ def test_a_damaged_state_is_refused_and_changes_nothing(seat: int, field: str, v
         game.step(left, right)
     before, seen = game.get_state(), game.out.observation.copy()
     state = before.copy()
-    camera = state[("left_camera", "right_camera")[seat]]
-    (camera if field in ("queue", "past") else camera["state"])[field][1] = value
+    side = ("left", "right")[seat]
+    array = state[f"{side}_{field}"] if field.startswith("camera") else state[f"{side}_camera"][field]
+    array[1] = value
     with pytest.raises(ValueError, match=r"^state must "):
         game.set_state(state)
     assert same(game.get_state(), before) and same(game.out.observation, seen)
@@ -482,7 +484,7 @@ def test_frames_of_one_time_have_no_slope() -> None:
     env = ideal(Camera(velocity_frames=6, delay_ms=20))
     shot(env, velocity=(0.5, 0.2), steps=10)
     state = env.get_state()
-    state["left_camera"]["past"][..., 0] = 10.0
+    state["left_camera_past"][..., 0] = 10.0
     env.set_state(state)
     for _ in range(3):
         assert env.step(STILL)[0] in env.observation_space

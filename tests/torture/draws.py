@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from airhockey_env.compiled import records
 from airhockey_env.kernel.scripted import SCRIPTED
 from airhockey_env.kernel.state import LEFT, RIGHT, SEATS, STATE
-from airhockey_env.saved_states import CAMERA_NAMES, game_state
+from airhockey_env.saved_states import game_state
 from airhockey_env.tables import FIELDS, PRESETS
 from tests.torture.apis import FACES
 from tests.torture.cases import encode_state, encoded
@@ -233,7 +233,7 @@ def draw_bad(rng: np.random.Generator, trial: Trial) -> dict[str, Any]:
             return {"do": "bad state", "value": pick(rng, WEIRD[:21])}
         state = encode_state(trial.face.env.get_state())
         part, (field, value) = state.get("state", state), pick(rng, BROKEN_STATES)
-        cameras = [state[name]["state"] for name in CAMERA_NAMES if name in state]
+        cameras = [state[name] for name in ("left_camera", "right_camera") if name in state]
         if cameras and rng.random() < 0.5:
             part, (field, value) = pick(rng, cameras), pick(rng, BROKEN_CAMERAS)
         broken: Any = np.array(part[field])

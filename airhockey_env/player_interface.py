@@ -1,0 +1,240 @@
+"""What stands between a player and the table: a camera, and a history of what the player has seen and done.
+
+A `PlayerInterface` is all that for the player of one seat, on all tables of a game. It consists of parts, each of which
+does its share of what happens to a game: an episode begins, a step is played, a state is saved or put back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from airhockey_env.cameras import Camera
+from airhockey_env.kernel.camera import (
+    ARRIVES,
+    CAMERA_STATE,
+    MOMENT,
+    follow_rows,
+    make_camera,
+    show_rows,
+    start_rows,
+)
+from airhockey_env.kernel.history import follow_history, longer, start_history
+from airhockey_env.kernel.outputs import Outputs
+from airhockey_env.kernel.state import AUTORESET_SAME_STEP, OBSERVATION_SIZE, ROW_SIZE
+
+_CAMERA_FLOATS = tuple(name for name in CAMERA_STATE.names or () if CAMERA_STATE[name].base.kind == "f")
+
+SIDES = ("left", "right")
+"""What the fields of saved states begin with."""
+
+
+class Tables(NamedTuple):
+    """What the parts of a player's interface need of the game."""
+
+    parameters: NDArray[np.void]  # (1,) or (N,) PARAMETERS
+    settings: NDArray[np.void]  # (1,) SETTINGS
+    drivers: NDArray[np.int8]  # (2, N): who drives each paddle
+    out: Outputs
+
+
+class Part:
+    """One thing between the player of a seat and the table. What it does not need to do, it leaves as it is here."""
+
+    what = ""
+    """What errors call it."""
+
+    def __init__(self, seat: int, tables: Tables) -> None:
+        self.seat, self._tables = seat, tables
+
+    def kept(self) -> dict[str, NDArray[Any]]:
+        """All that it keeps of the tables and that decides what follows: arrays (N, ...), by what they are called."""
+        return {}
+
+    def seed(self, i: int, seed: int) -> None:
+        """Start its random stream of table i."""
+
+    def start(self, rows: NDArray[np.int64]) -> None:
+        """Begin an episode on the given tables, after `reset_rows`."""
+
+    def follow(self, first: int, last: int, actions: NDArray[np.float32]) -> None:
+        """Follow a step of the tables `first` to `last` (excluded), after `step_rows`.
+
+        Args:
+            actions: (N, 2) what the caller or a policy has sent, on the tables where one of them plays.
+        """
+
+    def show(self, rows: NDArray[np.int64]) -> None:
+        """Bring the given tables up to date after `refresh_rows`."""
+
+    def could_be(
+        self, saved: Mapping[str, NDArray[Any]], states: NDArray[np.void], parameters: NDArray[np.void]
+    ) -> bool:
+        """Whether it could be in saved states, (n, ...) by the names of `kept`: compiled code counts on it.
+
+        Args:
+            saved: by these names.
+            states: (n,) `STATE` of the same tables.
+            parameters: (1,) or (n,) `PARAMETERS` likewise.
+        """
+        return True
+
+
+class CameraPart(Part):
+    """A camera, which shows the player the opponent's paddle and the puck."""
+
+    what = "camera"
+
+    def __init__(self, seat: int, tables: Tables, camera: Camera, num_tables: int, control_hz: float) -> None:
+        super().__init__(seat, tables)
+        self.arrays = make_camera(camera, num_tables, control_hz)
+
+    def kept(self) -> dict[str, NDArray[Any]]:
+        _, states, queue, past = self.arrays
+        return {"camera": states, "camera_queue": queue, "camera_past": past}
+
+    def seed(self, i: int, seed: int) -> None:
+        key = np.random.SeedSequence(seed, spawn_key=(1 + self.seat,))
+        self.arrays.states["stream"][i] = key.generate_state(1, np.uint64)[0]
+
+    def start(self, rows: NDArray[np.int64]) -> None:
+        start_rows(rows, self.seat, self._tables.parameters, self.arrays, self._tables.out)
+
+    def follow(self, first: int, last: int, actions: NDArray[np.float32]) -> None:
+        follow_rows(first, last, self.seat, self._tables.parameters, self.arrays, self._tables.out)
+
+    def show(self, rows: NDArray[np.int64]) -> None:
+        show_rows(rows, self.seat, self.arrays, self._tables.out)
+
+    def could_be(
+        self, saved: Mapping[str, NDArray[Any]], states: NDArray[np.void], parameters: NDArray[np.void]
+    ) -> bool:
+        state, queue, past = saved["camera"], saved["camera_queue"], saved["camera_past"]
+        camera = self.arrays.camera[0]
+        length, frames = queue.shape[1], past.shape[2]
+        begun = states["side"] != 0
+        due = np.floor((state["step"] + MOMENT) * camera["camera_hz"] / camera["control_hz"]) + 1
+        latest = state["step"] + camera["delay"] + camera["jitter"] + 2.0 * MOMENT  # that a frame so far can arrive
+        per_disc = [
+            [parameters[name] for name in ("per_x", "per_y", speed, speed)] for speed in ("per_paddle", "per_puck")
+        ]
+        scale = np.moveaxis(np.array(per_disc), -1, 0)
+        return bool(
+            all(np.isfinite(array).all() for array in (*(state[name] for name in _CAMERA_FLOATS), queue, past))
+            and ((state["first"] >= 0) & (state["first"] < length)).all()
+            and ((state["waiting"] >= 0) & (state["waiting"] <= length)).all()
+            and ((state["known"] >= 0) & (state["known"] <= frames)).all()
+            and ((state["next"] >= 0) & (state["next"] < frames)).all()
+            and ((state["step"] == states["steps"]) | ~begun).all()
+            and ((np.abs(state["frame"] - due) <= 1) | ~begun).all()
+            and (queue[..., ARRIVES].max(axis=1) <= latest).all()
+            and ((state["scale"] == scale).all(axis=(1, 2)) | ~begun).all()
+        )
+
+
+class HistoryPart(Part):
+    """What the player has seen and done last."""
+
+    what = "history"
+
+    def __init__(self, seat: int, tables: Tables, length: int) -> None:
+        super().__init__(seat, tables)
+        first = np.zeros((tables.drivers.shape[1], 1, ROW_SIZE), np.float32)
+        first[:, 0, :OBSERVATION_SIZE] = tables.out.observation[seat]
+        self.rows = first
+        self.lengthen(length)
+
+    def lengthen(self, length: int) -> None:
+        """Keep so many rows from now on."""
+        self.rows = longer(self.rows, length)
+        same_step = self._tables.settings["autoreset"][0] == AUTORESET_SAME_STEP
+        self.final = np.zeros((len(self.rows) if same_step else 0, *self.rows.shape[1:]), np.float32)
+
+    def kept(self) -> dict[str, NDArray[Any]]:
+        return {"history": self.rows}
+
+    def start(self, rows: NDArray[np.int64]) -> None:
+        start_history(rows, self.rows, self._tables.out.observation[self.seat])
+
+    def follow(self, first: int, last: int, actions: NDArray[np.float32]) -> None:
+        out, seat = self._tables.out, self.seat
+        observations = out.observation[seat], out.final_observation[seat]
+        ends = out.began, out.terminated, out.truncated
+        drivers = self._tables.drivers[seat]
+        follow_history(first, last, drivers, actions, self.rows, self.final, *observations, *ends)
+
+    def show(self, rows: NDArray[np.int64]) -> None:
+        self.rows[rows, -1, :OBSERVATION_SIZE] = self._tables.out.observation[self.seat][rows]
+
+    def could_be(
+        self, saved: Mapping[str, NDArray[Any]], states: NDArray[np.void], parameters: NDArray[np.void]
+    ) -> bool:
+        return bool((np.abs(saved["history"]) <= 1.0).all())
+
+
+class PlayerInterface:
+    """What stands between the player of a seat and the table, on all tables of a game.
+
+    Args:
+        seat: LEFT or RIGHT.
+        tables: of the game.
+        control_hz: control steps a second.
+        camera: what the player sees the game through; None for exact states.
+
+    Attributes:
+        camera, history: the parts, None where there is none.
+        parts: those that there are, in the order in which they follow a step.
+    """
+
+    def __init__(self, seat: int, tables: Tables, control_hz: float, camera: Camera | None) -> None:
+        self._seat, self._tables = seat, tables
+        n = tables.drivers.shape[1]
+        self.camera = None if camera is None else CameraPart(seat, tables, camera, n, control_hz)
+        self.history: HistoryPart | None = None
+        self._gather()
+
+    def _gather(self) -> None:
+        self.parts = tuple(part for part in (self.camera, self.history) if part is not None)
+
+    @property
+    def rows(self) -> int:
+        """How many observations are kept, the present one included."""
+        return 1 if self.history is None else self.history.rows.shape[1]
+
+    def remember(self, rows: int) -> None:
+        """Keep so many observations from now on, or as many as before if that is more."""
+        if rows <= self.rows:
+            return
+        if self.history is None:
+            self.history = HistoryPart(self._seat, self._tables, rows)
+            self._gather()
+        else:
+            self.history.lengthen(rows)
+
+    def seen(self, stack: int = 1, final: bool = False) -> NDArray[np.float32]:
+        """What a player with this stack is shown: (N, 13), or (N, stack, 15) if it is more than 1; not copies.
+
+        Args:
+            stack: at most `rows`.
+            final: what it saw at the end of episodes, where an automatic reset began others in the same step.
+        """
+        if stack == 1 or self.history is None:
+            out = self._tables.out
+            return (out.final_observation if final else out.observation)[self._seat]
+        return (self.history.final if final else self.history.rows)[:, -stack:]
+
+    def saved_fields(self) -> dict[str, NDArray[Any]]:
+        """All that the parts keep of the tables, arrays (N, ...), by the names that saved states have for them."""
+        return {f"{SIDES[self._seat]}_{name}": array for part in self.parts for name, array in part.kept().items()}
+
+    def check(self, saved: NDArray[np.void], states: NDArray[np.void], parameters: NDArray[np.void]) -> None:
+        """Raises ValueError unless all parts could be in these saved states; see `Part.could_be`."""
+        for part in self.parts:
+            own = {name: saved[f"{SIDES[self._seat]}_{name}"] for name in part.kept()}
+            if not part.could_be(own, states, parameters):
+                raise ValueError(
+                    f"state must hold what this game's {part.what} can know, got another {part.what}'s or a damaged one"
+                )
