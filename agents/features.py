@@ -13,6 +13,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 
+from airhockey_env.kernel.state import OBSERVATION_SIZE, ROW_SIZE
 from airhockey_env.tables import FULL_SIZE, TableSpec
 
 _DISTANCE_SCALE = 6.0
@@ -20,6 +21,9 @@ _DISTANCE_SCALE = 6.0
 
 _SPEED_SCALE = 3.0
 """Factor on the puck's velocity, because the puck is usually far slower than its greatest speed."""
+
+_CHANGE_SCALE = 4.0
+"""Factor on the changes between the rows of a stack."""
 
 
 def relative_features(spec: TableSpec) -> NDArray[np.float32]:
@@ -34,18 +38,41 @@ def relative_features(spec: TableSpec) -> NDArray[np.float32]:
     return matrix
 
 
+def stacked_features(spec: TableSpec, stack: int) -> NDArray[np.float32]:
+    """The (19 * stack, 15 * stack) matrix that maps the rows of a stack, oldest first, to the features.
+
+    The newest row has the features of an observation, and the action as it is. What older rows add are the small
+    changes from each to the next, so these come instead, at a useful scale, beside the actions.
+    """
+    of_a_row = np.zeros((17, ROW_SIZE), np.float32)
+    of_a_row[:, :OBSERVATION_SIZE] = relative_features(spec)
+    actions = np.eye(ROW_SIZE, dtype=np.float32)[OBSERVATION_SIZE:]
+    parts = np.zeros((stack, 19, stack, ROW_SIZE), np.float32)
+    for row in range(stack):
+        parts[row, 17:, row] = actions
+        if row == stack - 1:
+            parts[row, :17, row] = of_a_row
+        else:
+            parts[row, :17, row], parts[row, :17, row + 1] = -_CHANGE_SCALE * of_a_row, _CHANGE_SCALE * of_a_row
+    return parts.reshape(19 * stack, ROW_SIZE * stack)
+
+
 class RelativeFeatures(BaseFeaturesExtractor):
-    """The fixed linear layer, for Stable-Baselines3's `features_extractor_class`."""
+    """The fixed linear layer, for Stable-Baselines3's `features_extractor_class`.
+
+    Observations may be stacked: (13,), or (K, 15).
+    """
 
     matrix: torch.Tensor
 
     def __init__(self, observation_space: spaces.Box, spec: TableSpec = FULL_SIZE) -> None:
-        matrix = relative_features(spec)
+        stacked = len(observation_space.shape) == 2
+        matrix = stacked_features(spec, observation_space.shape[0]) if stacked else relative_features(spec)
         super().__init__(observation_space, matrix.shape[0])
         self.register_buffer("matrix", torch.as_tensor(matrix))
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
-        return observations @ self.matrix.T
+        return observations.flatten(1) @ self.matrix.T
 
 
 class SmallCnn(BaseFeaturesExtractor):

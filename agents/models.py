@@ -17,7 +17,7 @@ from agents.files import read_json
 from airhockey_env.actions import DIRECTIONS
 from airhockey_env.drawing.pixels import CHANNELS, SIZE, Pixels
 from airhockey_env.game import OBS_TYPES, Game
-from airhockey_env.kernel.state import OBSERVATION_SIZE
+from airhockey_env.kernel.state import OBSERVATION_SIZE, observation_shape
 from airhockey_env.opponents.players import NAMES
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.opponents.trained import TRAINED, trained_policy
@@ -143,7 +143,8 @@ def export_policy(model: Any) -> MlpPolicy:
     matrix = features.matrix.numpy() if isinstance(features, RelativeFeatures) else None
     activation = "relu" if any(isinstance(layer, nn.ReLU) for layer in layers) else "tanh"
     clip = layers[-1].max_val if isinstance(layers[-1], nn.Hardtanh) else None
-    return _folded(weights, biases, activation, matrix, clip, squash=actor is not None)
+    stack = _stack_of(model.observation_space.shape)
+    return _folded(weights, biases, activation, matrix, clip, squash=actor is not None, stack=stack)
 
 
 def _folded(
@@ -153,6 +154,7 @@ def _folded(
     matrix: NDArray[np.float32] | None,
     clip: float | None,
     squash: bool,
+    stack: int,
 ) -> MlpPolicy:
     """Fold a linear feature layer and the clipping of the outputs, if any, into an `MlpPolicy`."""
     if matrix is not None:
@@ -165,7 +167,12 @@ def _folded(
         one = np.eye(len(biases[-1]), dtype=np.float32)
         weights[-1:] = [np.concatenate([weights[-1]] * 2), np.concatenate([one, -one], axis=1)]
         biases[-1:] = [np.concatenate([biases[-1] - low, biases[-1] - high]), np.full(len(one), low)]
-    return MlpPolicy(weights, biases, activation, squash)
+    return MlpPolicy(weights, biases, activation, squash, stack)
+
+
+def _stack_of(shape: tuple[int, ...]) -> int:
+    """How many observations of the state are stacked in this shape."""
+    return shape[0] if len(shape) == 2 else 1
 
 
 def load_player(model: str, option: str = "MODEL", *, trust: bool = False) -> Player:
@@ -218,13 +225,15 @@ def load_model(path: Path, *, trust: bool = False) -> MlpPolicy | ModelPlayer:
                 "trust the author of the file"
             ) from error
         return _trusted_player(path, trusted_policy(path))
-    obs_type, frames = _sight(path, actor.shape)
+    rows = len(actor.shape) == 2 and actor.shape == observation_shape(actor.shape[0])
+    obs_type, frames = ("state", 1) if rows else _sight(path, actor.shape)
     if obs_type == "state" and frames == 1:
         activation = {"Tanh": "tanh", "ReLU": "relu"}.get(actor.activation.__name__)
         if activation == "relu" or (activation == "tanh" and actor.clip is None):
             weights, biases = ([part.numpy() for part in parts] for parts in zip(*actor.layers, strict=True))
             matrix = actor.features.matrix.numpy() if isinstance(actor.features, RelativeFeatures) else None
-            return _folded(weights, biases, activation, matrix, actor.clip, actor.squash)
+            stack = _stack_of(actor.shape)
+            return _folded(weights, biases, activation, matrix, actor.clip, actor.squash, stack)
     return ModelPlayer(lambda seen: _action(actor(seen)), obs_type, frames)
 
 

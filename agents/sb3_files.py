@@ -344,7 +344,7 @@ def _features(
     module: nn.Module
     if not weights and named in (None, str(FlattenExtractor)):
         module, width = nn.Flatten(), math.prod(shape)
-    elif "matrix" in weights and named == str(RelativeFeatures) and shape == (13,):
+    elif "matrix" in weights and named == str(RelativeFeatures) and len(shape) <= 2 and shape == observation_shape(1 if len(shape) == 1 else shape[0]):
         module = RelativeFeatures(spaces.Box(-1.0, 1.0, shape))
         width = module.features_dim
     elif pictures and ("patches.weight" in weights and named == str(SmallCnn)):

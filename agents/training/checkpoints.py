@@ -15,7 +15,6 @@ from agents.sb3_files import load_weights
 from agents.training.recipe import History, Setup
 from agents.training.runs import RunFolder
 from airhockey_env.files import read_arrays
-from airhockey_env.kernel.state import OBSERVATION_SIZE
 
 TIMES = {"steps": COUNT, "seconds": NUMBER}
 """The steps and seconds of training before an evaluation or an update, as a pattern of `read_json`."""
@@ -36,7 +35,8 @@ def save(folder: RunFolder, setup: Setup, history: History) -> None:
     """
     model = setup.model
     writes: dict[Path, Callable[[Path], object]] = {folder.model: model.save}
-    if model.observation_space.shape == (OBSERVATION_SIZE,):
+    shape = model.observation_space.shape
+    if shape is not None and len(shape) <= 2:  # not pictures
         writes[folder.policy] = export_policy(model).save
     if isinstance(model, OffPolicyAlgorithm) and model.replay_buffer is not None:
         writes[folder.buffer] = lambda part: save_buffer(model.replay_buffer, part)
