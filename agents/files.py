@@ -1,4 +1,4 @@
-"""The files of a run: atomic writing, and reading with checks whose errors name the file."""
+"""Files of runs and of settings: atomic writing, and reading with checks whose errors name the file."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ import typing
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
+
+from gymnasium.error import DependencyNotInstalled
 
 from airhockey_env.files import parse_json, replace
 
@@ -76,7 +78,7 @@ def or_none(kind: Kind) -> Kind:
     return Kind(f"{kind.text} or null", lambda value: value is None or kind.fits(value))
 
 
-def read_json(path: Path, pattern: Any = None) -> Any:
+def read_json(path: Path, pattern: Any = None, most: int = MOST_BYTES) -> Any:
     """Read a JSON file.
 
     Args:
@@ -84,20 +86,76 @@ def read_json(path: Path, pattern: Any = None) -> Any:
         pattern: what the file must contain: a `Kind`; a dict from names to patterns, for an object with at least these
             names; a list of one pattern, for a list of any length; a tuple of patterns, for a list of that length.
             None accepts anything.
+        most: greatest size of the file, bytes.
 
     Raises:
         OSError: the file cannot be read.
         ValueError: the file is not JSON, is too large, or does not match the pattern. The message names the file.
     """
     size = path.stat().st_size
-    if size > MOST_BYTES:
-        raise ValueError(f"{path} has {size:,} bytes, and at most {MOST_BYTES:,} are allowed")
+    if size > most:
+        raise ValueError(f"{path} has {size:,} bytes, and at most {most:,} are allowed")
     try:
         data = parse_json(path.read_text(encoding="utf-8"))
     except ValueError as error:  # of the text or of its encoding
         raise ValueError(f"{path} is not a JSON file: {error}") from error
     if (wrong := mismatch(data, pattern)) is not None:
         raise ValueError(f"{path}: {wrong}")
+    return data
+
+
+MOST_YAML_BYTES, MOST_YAML_VALUES = 2**20, 10_000
+"""Greatest size of a YAML file, and most values in it. Its aliases could otherwise make a short file huge."""
+
+
+def read_yaml(path: Path) -> Any:
+    """Read a YAML file of plain values.
+
+    Raises:
+        OSError: the file cannot be read.
+        ValueError: the file is not YAML, is too large, or contains itself. The message names the file.
+        gymnasium.error.DependencyNotInstalled: PyYAML is missing.
+    """
+    try:
+        import yaml
+    except ImportError as error:
+        raise DependencyNotInstalled(f'{path} needs PyYAML: pip install -e ".[train]"') from error
+    try:
+        if path.stat().st_size > MOST_YAML_BYTES:
+            raise ValueError(f"it has more than {MOST_YAML_BYTES:,} bytes")
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        _check_values(data)
+    except (yaml.YAMLError, UnicodeDecodeError, ValueError, TypeError, RecursionError) as error:
+        raise ValueError(f"{path} is not a YAML file: {error}") from error
+    return data
+
+
+def _check_values(data: Any) -> None:
+    """Raise ValueError if YAML's aliases, `*name`, make data huge or let them contain themselves."""
+    parts: list[Any] = [data]
+    for _ in range(MOST_YAML_VALUES):
+        if not parts:
+            return
+        part = parts.pop()
+        parts += part.values() if isinstance(part, dict) else part if isinstance(part, list) else ()
+    raise ValueError(f"it must have fewer than {MOST_YAML_VALUES:,} values")
+
+
+FIELD_FILES = (".json", ".yml", ".yaml")
+"""The suffixes of the files that `read_fields` reads."""
+
+
+def read_fields(path: Path) -> dict[str, Any]:
+    """Read a JSON or YAML file, by its suffix, that has values by name.
+
+    Raises:
+        OSError: the file cannot be read.
+        ValueError: the file is damaged, too large, or has anything else. The message names the file.
+        gymnasium.error.DependencyNotInstalled: the file is YAML and PyYAML is missing.
+    """
+    data = read_json(path, most=MOST_YAML_BYTES) if path.suffix == ".json" else read_yaml(path)
+    if not isinstance(data, dict) or not all(isinstance(name, str) for name in data):
+        raise ValueError(f"{path} must have values by name, got {_brief(data)}")
     return data
 
 

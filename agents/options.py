@@ -15,8 +15,9 @@ from typing import Annotated, Any
 import tyro
 
 from agents.models import PLAYERS
-from airhockey_env.checks import check_choice, check_number
-from airhockey_env.tables import PRESETS, TableSpec
+from airhockey_env.cameras import CAMERAS
+from airhockey_env.checks import check_number
+from airhockey_env.tables import PRESETS, TABLE_RANGES
 
 MOST = 10**18
 """The largest number that any option takes."""
@@ -41,8 +42,43 @@ PLAYER_HELP = (
 )
 """The sentence that explains which players a command takes."""
 
-TableName = Annotated[str, tyro.conf.arg(help=f"Play on this table preset: {listed(PRESETS)}.")]
-"""The name of a table preset, see `check_table`."""
+FIELD_FILE_HELP = "a .json or .yml file of"
+
+TableOption = Annotated[
+    str,
+    tyro.conf.arg(
+        metavar="NAME|FILE",
+        help=f"Play on this table: {', '.join(PRESETS)}, or {FIELD_FILE_HELP} a TableSpec's fields.",
+    ),
+]
+"""The table; see `agents.conditions` for this option and the next three."""
+
+RandomizeOption = Annotated[
+    str | None,
+    tyro.conf.arg(
+        metavar="NAME|FILE",
+        help=f"Draw a table for every episode: {', '.join(TABLE_RANGES)}, or {FIELD_FILE_HELP} a TableSpec's fields "
+        "with [low, high] each.",
+    ),
+]
+
+CameraOption = Annotated[
+    str | None,
+    tyro.conf.arg(
+        metavar="NAME|FILE",
+        help=f"Let the player see the game through this camera: {', '.join(CAMERAS)}, or {FIELD_FILE_HELP} a Camera's "
+        "fields, each a number or a range [low, high] to draw from for every episode.",
+    ),
+]
+
+DelayOption = Annotated[
+    tuple[float, ...],
+    tyro.conf.arg(
+        metavar="MS [MS]",
+        help="Let the player's paddle obey this many milliseconds late. Two numbers are a range to draw from for every "
+        "episode.",
+    ),
+]
 
 Trust = Annotated[
     bool,
@@ -159,12 +195,3 @@ def make_folder(name: str, path: Path) -> None:
         path.mkdir(exist_ok=True)
     except OSError as error:
         raise OSError(f"--{name} must be a folder, or a new one in a folder that exists, got {path}") from error
-
-
-def check_table(table: str) -> TableSpec:
-    """Return the preset for `--table`.
-
-    Raises:
-        ValueError: there is no preset of that name.
-    """
-    return PRESETS[check_choice("--table", table, PRESETS)]

@@ -10,12 +10,14 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
+from agents.conditions import EXACT, Conditions
 from agents.models import Player, in_one_game, join
 from agents.seeding import table_seeds
 from airhockey_env._base import draw_row
 from airhockey_env.drawing.render import Renderer
 from airhockey_env.files import replace
 from airhockey_env.game import Game
+from airhockey_env.kernel.state import LEFT
 from airhockey_env.kernel.tasks import TASKS
 
 SUFFIXES = (".gif", ".mp4")
@@ -30,7 +32,7 @@ def frames_of_play(
     fps: int = 25,
     size: tuple[int, int] | None = None,
     task: str = "match",
-    table: str = "full_size",
+    conditions: Conditions = EXACT,
 ) -> Iterator[NDArray[np.uint8]]:
     """Pictures of a match or of a task, (height, width, 3) uint8 each, `fps` for a second of play.
 
@@ -38,6 +40,7 @@ def frames_of_play(
         player, opponent: as `play_points` takes them, for the left and the right paddle.
         seconds: of play; when an episode ends, the next begins.
         task: a key of `TASKS`.
+        conditions: under which the left player plays, see `play_points`.
     """
     control_hz = 50.0
     left, right = in_one_game(player), in_one_game(opponent)
@@ -48,7 +51,7 @@ def frames_of_play(
         right=right,
         max_episode_steps=TASKS[task].max_episode_steps,
         control_hz=control_hz,
-        table=table,
+        **conditions.game_arguments(LEFT),
     )
     join(game, left, right)
     game.reset(table_seeds("video", seed, 1))

@@ -17,7 +17,7 @@ from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT, RIGHT
 from airhockey_env.opponents.players import Player, resolve_players
 from airhockey_env.spaces import action_space, observation_space
-from airhockey_env.tables import TableSpec
+from airhockey_env.tables import TableSpec, resolve_randomize
 from airhockey_env.threads import one_at_a_time
 
 _ONLY = np.zeros(1, np.int64)
@@ -153,7 +153,7 @@ class AirHockeyEnv(TableEnv, gym.Env):
     | `continuous` | True or False, see above | True |
     | `reward` | `"sparse"` or `"shaped"` | `"sparse"` |
     | `control_hz` | 10 to 240: control steps per second | 50 |
-    | `randomize` | None, or a mapping from `TableSpec` fields to (low, high) to draw from for every episode | None |
+    | `randomize` | None, `"tables"` (ranges that contain the tables people have measured), or a mapping from `TableSpec` fields to (low, high), to draw from for every episode | None |
     | `camera` | None for exact states; `"robot"`, a `Camera` or a mapping of its fields: you see the puck and the opponent's paddle late and with noise, but your own paddle and the clock exactly; opponents see exact states; see `airhockey_env.cameras` | None |
     | `stack` | 1 to 64: how many of the last observations an observation consists of, see above | 1 |
     | `max_episode_steps` | steps after which an episode is truncated; None: those of the task's id, see above; -1: no limit. `gymnasium.make` puts the limit into a wrapper around the environment; the class alone has none by default | -1 |
@@ -181,7 +181,7 @@ class AirHockeyEnv(TableEnv, gym.Env):
         continuous: bool = True,
         reward: str = "sparse",
         control_hz: float = 50,
-        randomize: Mapping[str, tuple[float, float]] | None = None,
+        randomize: str | Mapping[str, tuple[float, float]] | None = None,
         camera: str | Camera | Mapping[str, Any] | None = None,
         stack: int = 1,
         max_episode_steps: int | None = NO_LIMIT,
@@ -198,7 +198,7 @@ class AirHockeyEnv(TableEnv, gym.Env):
             continuous=continuous,
             reward=reward,
             control_hz=control_hz,
-            randomize=randomize,
+            randomize=resolve_randomize(randomize),
             camera=(camera, None),
             left_stack=check_stack("stack", stack),
             max_episode_steps=max_episode_steps,

@@ -18,7 +18,7 @@ from airhockey_env.checks import check_choice, check_limit, check_seed, check_st
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT, RIGHT
 from airhockey_env.spaces import action_space, observation_space
-from airhockey_env.tables import TableSpec
+from airhockey_env.tables import TableSpec, resolve_randomize
 from airhockey_env.threads import one_at_a_time
 
 try:
@@ -101,7 +101,7 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
     | `continuous` | True or False, see above | True |
     | `reward` | `"sparse"` or `"shaped"` | `"sparse"` |
     | `control_hz` | 10 to 240: control steps per second | 50 |
-    | `randomize` | None, or a mapping from `TableSpec` fields to (low, high) to draw from for every episode | None |
+    | `randomize` | None, `"tables"`, or a mapping from `TableSpec` fields to (low, high), drawn per episode | None |
     | `camera` | as in `AirHockeyEnv`, for both agents, or a pair (left, right) | None |
     | `stack` | 1 to 64: as in `AirHockeyEnv`, for both agents | 1 |
     | `max_episode_steps` | steps that truncate an episode; None: 1500, in a match 15000; -1: no limit | None |
@@ -133,7 +133,7 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
         continuous: bool = True,
         reward: str = "sparse",
         control_hz: float = 50,
-        randomize: Mapping[str, tuple[float, float]] | None = None,
+        randomize: str | Mapping[str, tuple[float, float]] | None = None,
         camera: str | Camera | Mapping[str, Any] | Sequence[Any] | None = None,
         stack: int = 1,
         max_episode_steps: int | None = None,
@@ -151,7 +151,7 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
             continuous=continuous,
             reward=reward,
             control_hz=control_hz,
-            randomize=randomize,
+            randomize=resolve_randomize(randomize),
             camera=camera,
             left_stack=check_stack("stack", stack),
             right_stack=stack,

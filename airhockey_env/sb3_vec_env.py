@@ -21,7 +21,7 @@ from airhockey_env.opponents.players import Player, resolve_players
 from airhockey_env.reset_options import ResetOptions
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.table_view import of_tables, set_of_tables
-from airhockey_env.tables import TableSpec
+from airhockey_env.tables import TableSpec, resolve_randomize
 from airhockey_env.threads import one_at_a_time
 
 try:
@@ -72,7 +72,7 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
         continuous: bool = True,
         reward: str = "sparse",
         control_hz: float = 50,
-        randomize: Mapping[str, tuple[float, float]] | None = None,
+        randomize: str | Mapping[str, tuple[float, float]] | None = None,
         camera: str | Camera | Mapping[str, Any] | None = None,
         stack: int = 1,
         render_mode: str | None = None,
@@ -89,7 +89,7 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
             continuous=continuous,
             reward=reward,
             control_hz=control_hz,
-            randomize=randomize,
+            randomize=resolve_randomize(randomize),
             camera=(camera, None),
             left_stack=check_stack("stack", stack),
             max_episode_steps=max_episode_steps,

@@ -159,6 +159,38 @@ IDEAL = dataclasses.replace(
 
 PRESETS: dict[str, TableSpec] = {"full_size": FULL_SIZE, "challenge": CHALLENGE, "ideal": IDEAL}
 
+TABLES: dict[str, tuple[float, float]] = {
+    "length": (1.9, 2.45),
+    "width": (1.0, 1.25),
+    "goal_width": (0.25, 0.36),
+    "puck_radius": (0.031, 0.0425),
+    "paddle_radius": (0.046, 0.053),
+    "wall_restitution": (0.65, 0.95),
+    "wall_tangential": (0.55, 0.95),
+    "paddle_restitution": (0.65, 0.95),
+    "drag_constant": (0.0, 0.05),
+    "drag_linear": (0.0, 0.5),
+    "drag_quadratic": (0.0, 0.07),
+}
+"""Ranges that contain the full-size tables and those of robots that people have measured, with a margin.
+
+Masses are left out: they only scale the reported impulses.
+
+* Sizes: `FULL_SIZE` and `CHALLENGE`; the University of British Columbia's first table is about 2 m x 1 m
+  (github.com/HudsonNock/Air-Hockey-Sim, README). The rules allow mallets up to 103 mm across.
+* Walls: 0.785 and 0.79 of the normal speed are kept, 0.66 and 0.84 of the tangential speed. misprit7's measured normal
+  restitution falls by 0.039 per m/s between 0.7 and 7.3 m/s, which is about 0.66 to 0.92 on one table. The UBC team
+  reports a high variance over its wooden walls.
+* Paddles: 0.8 is the only published value; the margin of 0.15 is that of the walls.
+* Glide: misprit7 measured a = 0.0145 +- 0.0071 m/s**2 and b = 0.0348 /m, twice of which is the limit for b. Linear
+  drags are 0.21 to 0.26 /s in the Kalman filter of the Robot Air Hockey Challenge 2023, 0.25 /s as fitted to the table
+  of the University of Texas (github.com/CalCharles/air-hockey-rl, estimate.yaml), and 0.5 /s in the challenge's MuJoCo
+  model. At 2 m/s these tables differ sixfold (0.15 to 1.0 m/s**2), and the ranges allow 0 to 1.33 m/s**2.
+"""
+
+TABLE_RANGES: dict[str, Mapping[str, tuple[float, float]]] = {"tables": TABLES}
+"""Ranges to draw tables from, by name."""
+
 
 def resolve_table(table: str | TableSpec | Mapping[str, float]) -> TableSpec:
     """Return the `TableSpec` for a `table` argument: the name of a preset, a spec, or a mapping of its fields.
@@ -182,6 +214,19 @@ def resolve_table(table: str | TableSpec | Mapping[str, float]) -> TableSpec:
             raise ValueError(f"table must be a mapping of the fields of a TableSpec, got one in which {wrong[0]}")
         return TableSpec(**table)
     raise fault("table", f"one of {sorted(PRESETS)}, a TableSpec or a mapping of its fields", table)
+
+
+def resolve_randomize(randomize: str | Mapping[str, Any] | None) -> Mapping[str, Any] | None:
+    """Return the ranges for a `randomize` argument: None, the name of ranges, or ranges, which are not checked here.
+
+    Raises:
+        ValueError: there are no ranges of that name.
+    """
+    if not isinstance(randomize, str):
+        return randomize
+    if randomize in TABLE_RANGES:
+        return TABLE_RANGES[randomize]
+    raise fault("randomize", f"None, one of {tuple(TABLE_RANGES)} or a mapping to (low, high)", randomize)
 
 
 def check_randomize(spec: TableSpec, randomize: Mapping[str, Any]) -> NDArray[np.float64]:

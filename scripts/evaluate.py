@@ -7,18 +7,21 @@ from typing import Annotated
 
 import tyro
 
+from agents.conditions import Conditions
 from agents.files import write_json
 from agents.measuring.evaluation import OPPONENTS, SOLO_TASKS, play_points, play_task
 from agents.models import load_player, short_name
 from agents.options import (
     PLAYER_HELP,
+    CameraOption,
     Count,
+    DelayOption,
     JsonFile,
-    TableName,
+    RandomizeOption,
+    TableOption,
     Trust,
     check_output,
     check_ranges,
-    check_table,
     listed,
 )
 from agents.training.report import print_results, print_task_result
@@ -34,7 +37,7 @@ MODEL_HELP = f"Evaluate this player. {PLAYER_HELP}"
 class EvaluateArgs:
     """Measure how well a player does against others, or in a task that has no opponent.
 
-    It plays half of the points on each side of the table.
+    It plays half of the points on each side of the table. The opponents see exact states.
     """
 
     model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL", help=MODEL_HELP)]
@@ -45,7 +48,10 @@ class EvaluateArgs:
     """Play this many points against each opponent, or this many episodes of the task."""
     opponent_skill: float = 1.0
     """Limit scripted opponents to this share of their paddle's top speed, from 0 to 1."""
-    table: TableName = "full_size"
+    table: TableOption = "full_size"
+    randomize: RandomizeOption = None
+    camera: CameraOption = None
+    action_delay_ms: DelayOption = (0.0,)
     seed: int = 0
     """Draw the serves from this seed."""
     trust: Trust = False
@@ -60,16 +66,17 @@ def evaluate(args: EvaluateArgs) -> None:
     """
     check_ranges(args, episodes=(1, 10**8), opponent_skill=(0, 1), seed=(0, 10**9))
     check_output("json", args.json)
-    check_table(args.table)
+    conditions = Conditions.of_options(args)
     check_choice("--task", args.task, TASKS)
     if args.task != "point" and (args.opponent != "all" or args.opponent_skill != 1.0):
         raise ValueError(f"--opponent and --opponent-skill do not go with --task {args.task}, which has no opponent")
+    kept = {"conditions": conditions.as_dict(), "seed": args.seed}
     player = load_player(args.model, trust=args.trust)
     if args.task != "point":
-        result = play_task(player, args.task, args.episodes, seed=args.seed, table=args.table)
+        result = play_task(player, args.task, args.episodes, seed=args.seed, conditions=conditions)
         print_task_result(result)
         if args.json is not None:
-            write_json(args.json, {"model": args.model, "results": [result.as_dict()]})
+            write_json(args.json, {"model": args.model, **kept, "results": [result.as_dict()]})
         return
     names = OPPONENTS if args.opponent == "all" else (args.opponent,)
     results = [
@@ -80,13 +87,13 @@ def evaluate(args: EvaluateArgs) -> None:
             name=short_name(name),
             seed=args.seed,
             opponent_skill=args.opponent_skill,
-            table=args.table,
+            conditions=conditions,
         )
         for name in names
     ]
     print_results(results)
     if args.json is not None:
-        write_json(args.json, {"model": args.model, "results": [result.as_dict() for result in results]})
+        write_json(args.json, {"model": args.model, **kept, "results": [result.as_dict() for result in results]})
 
 
 def main() -> None:

@@ -7,19 +7,22 @@ from typing import Annotated
 
 import tyro
 
+from agents.conditions import Conditions, in_words
 from agents.files import write_json
 from agents.measuring.ladder import ANCHOR, ANCHOR_RATING, PRIOR, find_players, play_ladder, rate
 from agents.measuring.ladder_report import draw_ladder, print_ladder
 from agents.options import (
     PLAYER_HELP,
+    CameraOption,
     Count,
+    DelayOption,
     JsonFile,
     PlotFile,
-    TableName,
+    RandomizeOption,
+    TableOption,
     Trust,
     check_output,
     check_ranges,
-    check_table,
 )
 from scripts._command import run_command
 
@@ -30,7 +33,8 @@ PLAYERS_HELP = f"Rate these players as well as the named ones. {PLAYER_HELP}"
 class LadderArgs:
     """Rate players: each pair plays points, half of them on each side of the table.
 
-    The ratings come with 95 % intervals. Ctrl-C ends the play early and rates what has been played.
+    Both players of a pair have the camera and the delay, if any are given; scripted players see exact states. The
+    ratings come with 95 % intervals. Ctrl-C ends the play early and rates what has been played.
     """
 
     players: Annotated[
@@ -40,7 +44,10 @@ class LadderArgs:
     """Rate only the players that are given, and not all of the named ones."""
     points: Count = 2000
     """Let each pair play this many points."""
-    table: TableName = "full_size"
+    table: TableOption = "full_size"
+    randomize: RandomizeOption = None
+    camera: CameraOption = None
+    action_delay_ms: DelayOption = (0.0,)
     seed: int = 0
     """Draw the serves from this seed."""
     trust: Trust = False
@@ -59,13 +66,13 @@ def ladder(args: LadderArgs) -> None:
     check_ranges(args, points=(1, 10**8), seed=(0, 10**9))
     check_output("json", args.json)
     check_output("plot", args.plot, ".png")
-    check_table(args.table)
+    conditions = Conditions.of_options(args)
     players = find_players(args.players, args.only, args.trust)
     names = list(players)
     matches, total, stopped = [], len(names) * (len(names) - 1) // 2, False
     try:
         with tqdm(total=total, unit="match", desc="ladder", leave=False, disable=None) as bar:
-            for match in play_ladder(players, args.points, seed=args.seed, table=args.table):
+            for match in play_ladder(players, args.points, seed=args.seed, conditions=conditions):
                 matches.append(match)
                 bar.update()
     except KeyboardInterrupt:
@@ -78,7 +85,7 @@ def ladder(args: LadderArgs) -> None:
         write_json(
             args.json,
             {
-                "table": args.table,
+                "conditions": conditions.as_dict(),
                 "points_of_a_pair": args.points,
                 "seed": args.seed,
                 "anchor": {"player": ANCHOR if ANCHOR in names else "mean", "rating": ANCHOR_RATING},
@@ -89,7 +96,7 @@ def ladder(args: LadderArgs) -> None:
         )
     if args.plot is not None:
         played = f"{len(matches)} of {total} pairs" if stopped else "each pair"
-        draw_ladder(ratings, matches, f"{args.table} table, {matches[0].result.points} points of {played}", args.plot)
+        draw_ladder(ratings, matches, f"{in_words(args)}, {matches[0].result.points} points of {played}", args.plot)
     if stopped:
         print(f"Stopped after {len(matches)} of {total} matches.")
         raise KeyboardInterrupt

@@ -7,9 +7,19 @@ from typing import Annotated
 
 import tyro
 
+from agents.conditions import Conditions
 from agents.human.screen import MatchWindow
 from agents.models import in_one_game, join, load_player, short_name
-from agents.options import PLAYER_HELP, Count, TableName, Trust, check_ranges, check_table
+from agents.options import (
+    PLAYER_HELP,
+    CameraOption,
+    Count,
+    DelayOption,
+    RandomizeOption,
+    TableOption,
+    Trust,
+    check_ranges,
+)
 from airhockey_env.checks import check_whole_pair
 from airhockey_env.drawing.render import LARGEST, SMALLEST
 from airhockey_env.drawing.window import import_pygame
@@ -19,12 +29,19 @@ from scripts._command import run_command
 
 @dataclass(frozen=True)
 class PlayArgs:
-    """Play a match with the mouse. Your paddle is the left one; R restarts the match, and Esc closes the window."""
+    """Play a match with the mouse. Your paddle is the left one; R restarts the match, and Esc closes the window.
+
+    The opponent has the camera and the delay, if any are given. With ranges of tables, the match is played on one of
+    them.
+    """
 
     opponent: Annotated[str, tyro.conf.arg(help=f"Play against this player. {PLAYER_HELP}")] = "striker"
     skill: float = 1.0
     """Limit the opponent to this share of its paddle's top speed, from 0 to 1."""
-    table: TableName = "full_size"
+    table: TableOption = "full_size"
+    randomize: RandomizeOption = None
+    camera: CameraOption = None
+    action_delay_ms: DelayOption = (0.0,)
     points: Count = 7
     """Play until one side has this many points."""
     fps: int = 60
@@ -53,9 +70,9 @@ def play(args: PlayArgs) -> None:
     check_whole_pair("--size", args.size, SMALLEST, LARGEST)
     pygame = import_pygame()
     opponent = in_one_game(load_player(args.opponent, "--opponent", trust=args.trust))
-    spec = check_table(args.table)
+    conditions = Conditions.of_options(args).drawn()
     print("Getting ready; the first time takes a while.", flush=True)
-    match = LiveMatch(opponent, skill=args.skill, table=spec, points=args.points)
+    match = LiveMatch(opponent, skill=args.skill, table=conditions.table, camera=conditions.camera, points=args.points)
     join(match.game, opponent)
     try:
         screen = MatchWindow(match, name_of(args.opponent), size=args.size, fps=args.fps, sound=args.sound)

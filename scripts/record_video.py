@@ -14,9 +14,21 @@ import tyro
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from agents.conditions import Conditions
 from agents.measuring.evaluation import SOLO_TASKS
 from agents.models import load_player
-from agents.options import PLAYER_HELP, TableName, Trust, check_ranges, check_table, listed, not_default
+from agents.options import (
+    PLAYER_HELP,
+    CameraOption,
+    DelayOption,
+    RandomizeOption,
+    TableOption,
+    Trust,
+    check_ranges,
+    listed,
+    not_default,
+    option_name,
+)
 from agents.video import SUFFIXES, frames_of_play, write_video
 from airhockey_env.checks import check_choice
 from airhockey_env.kernel.tasks import TASKS
@@ -29,7 +41,10 @@ MODEL_HELP = f"Film this player on the left, or the game that this file of a rep
 
 @dataclass(frozen=True)
 class RecordArgs:
-    """Record a video of two players, of a task, or of a replay."""
+    """Record a video of two players, of a task, or of a replay.
+
+    The player on the left has the camera and the delay, if any are given.
+    """
 
     model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL", help=MODEL_HELP)]
     opponent: str | None = None
@@ -45,7 +60,10 @@ class RecordArgs:
     """Make the frames this many pixels wide."""
     height: int = 344
     """Make the frames this many pixels high."""
-    table: TableName = "full_size"
+    table: TableOption = "full_size"
+    randomize: RandomizeOption = None
+    camera: CameraOption = None
+    action_delay_ms: DelayOption = (0.0,)
     seed: int = 0
     """Draw the serves from this seed."""
     trust: Trust = False
@@ -62,7 +80,7 @@ def record(args: RecordArgs) -> None:
     if not args.out.parent.is_dir():
         raise FileNotFoundError(f"--out must lie in a folder that exists, got {args.out}")
     check_ranges(args, fps=(1, 50), seconds=(0.1, 3600), width=(32, 4096), height=(32, 4096), seed=(0, 10**9))
-    check_table(args.table)
+    conditions = Conditions.of_options(args)
     check_choice("--task", args.task, TASKS)
     if args.task in SOLO_TASKS and args.opponent is not None:
         raise ValueError(f"--opponent does not go with --task {args.task}, which has no opponent")
@@ -71,8 +89,8 @@ def record(args: RecordArgs) -> None:
     frames: Iterator[NDArray[np.uint8]]
     if is_replay(args.model):
         for name in not_default(args):
-            if name in ("opponent", "task", "table", "seed"):
-                raise ValueError(f"--{name} does not go with a replay, which has its own")
+            if name in ("opponent", "task", "table", "randomize", "camera", "action_delay_ms", "seed"):
+                raise ValueError(f"{option_name(name)} does not go with a replay, which has its own")
         replay = Replay.load(args.model)
         seconds = replay.seconds if args.seconds is None else min(args.seconds, replay.seconds)
         fps = min(fps, math.floor(replay.control_hz))
@@ -89,7 +107,7 @@ def record(args: RecordArgs) -> None:
             seed=args.seed,
             fps=fps,
             size=size,
-            table=args.table,
+            conditions=conditions,
         )
     write_video(args.out, iter(tqdm(frames, total=number, unit="frame", delay=1.0, leave=False, disable=None)), fps)
     print(f"{args.out}: {seconds:g} s of play")

@@ -7,20 +7,23 @@ from typing import Annotated
 
 import tyro
 
+from agents.conditions import Conditions
 from agents.files import write_json
 from agents.measuring.scorecard import measure
 from agents.measuring.scorecard_report import draw_card, print_card
 from agents.models import load_player, short_name
 from agents.options import (
     PLAYER_HELP,
+    CameraOption,
     Count,
+    DelayOption,
     JsonFile,
     PlotFile,
-    TableName,
+    RandomizeOption,
+    TableOption,
     Trust,
     check_output,
     check_ranges,
-    check_table,
 )
 from scripts._command import run_command
 
@@ -42,7 +45,10 @@ class ScorecardArgs:
     """Play this many points against the opponent."""
     episodes: Count = 4000
     """Play this many episodes of each task."""
-    table: TableName = "full_size"
+    table: TableOption = "full_size"
+    randomize: RandomizeOption = None
+    camera: CameraOption = None
+    action_delay_ms: DelayOption = (0.0,)
     seed: int = 0
     """Draw the serves and the tasks from this seed."""
     trust: Trust = False
@@ -59,7 +65,7 @@ def scorecard(args: ScorecardArgs) -> None:
     check_ranges(args, points=(1, 10**6), episodes=(1, 10**6), seed=(0, 10**9))
     check_output("json", args.json)
     check_output("plot", args.plot, ".png")
-    spec = check_table(args.table)
+    conditions = Conditions.of_options(args)
     card = measure(
         load_player(args.model, trust=args.trust),
         load_player(args.opponent, "--opponent", trust=args.trust),
@@ -68,13 +74,13 @@ def scorecard(args: ScorecardArgs) -> None:
         points=args.points,
         episodes=args.episodes,
         seed=args.seed,
-        table=args.table,
+        conditions=conditions,
     )
     print_card(card)
     if args.json is not None:
-        write_json(args.json, {"table": args.table, "seed": args.seed, **card.as_dict()})
+        write_json(args.json, {"conditions": conditions.as_dict(), "seed": args.seed, **card.as_dict()})
     if args.plot is not None:
-        draw_card(card, spec, args.plot)
+        draw_card(card, conditions.table, args.plot)
 
 
 def main() -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.conditions import EXACT, Conditions
 from agents.models import ModelPolicy, Player, in_one_game, join
 from agents.seeding import table_seeds
 from airhockey_env.checks import check_choice, check_number, check_whole
@@ -134,7 +135,8 @@ def play_points(
     seed: int = 0,
     purpose: str = "evaluation",
     opponent_skill: float = 1.0,
-    table: str = "full_size",
+    conditions: Conditions = EXACT,
+    shared: bool = False,
     control_hz: float = CONTROL_HZ,
     max_episode_steps: int = MAX_EPISODE_STEPS,
     observer: Observer | None = None,
@@ -153,7 +155,8 @@ def play_points(
         seed: determines the tables' random streams.
         purpose: one of `agents.seeding.PURPOSES`; each has its own random streams.
         opponent_skill: skill of a scripted opponent, 0 to 1.
-        table: name of a preset.
+        conditions: the table, and how the evaluated player sees it. The opponent sees exact states.
+        shared: whether the opponent plays under the same conditions too. Scripted players see exact states anyway.
         control_hz: control steps per second.
         max_episode_steps: steps after which a point is drawn.
         observer: see `Observer`.
@@ -183,7 +186,7 @@ def play_points(
                 right=players[1 - own],
                 left_skill=1.0 if own == LEFT else opponent_skill,
                 right_skill=1.0 if own == RIGHT else opponent_skill,
-                table=table,
+                **conditions.game_arguments(*(SEATS if shared else (own,))),
                 control_hz=control_hz,
                 max_episode_steps=max_episode_steps,
             )
@@ -224,7 +227,7 @@ def play_task(
     *,
     seed: int = 0,
     purpose: str = "evaluation",
-    table: str = "full_size",
+    conditions: Conditions = EXACT,
     observer: Observer | None = None,
 ) -> TaskResult:
     """Play episodes of a task without an opponent, as in its registered environment (at 50 Hz).
@@ -233,7 +236,7 @@ def play_task(
         policy: as in `play_points`.
         task: one of `SOLO_TASKS`.
         episodes: number of episodes, each on its own table.
-        seed, purpose, table, observer: as in `play_points`.
+        seed, purpose, conditions, observer: as in `play_points`.
 
     Raises:
         ValueError: an argument is out of range.
@@ -255,7 +258,7 @@ def play_task(
                 left=player,
                 right=TASKS[task].opponent,
                 max_episode_steps=TASKS[task].max_episode_steps,
-                table=table,
+                **conditions.game_arguments(LEFT),
                 control_hz=CONTROL_HZ,
             )
             join(game, player)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.conditions import EXACT, Conditions
 from agents.measuring.evaluation import OPPONENTS, Result, play_points
 from agents.models import Player, load_player, short_name
 
@@ -85,14 +86,17 @@ def find_players(models: Sequence[str], only: bool = False, trust: bool = False)
 
 
 def play_ladder(
-    players: Mapping[str, Player], points: int, *, seed: int = 0, table: str = "full_size"
+    players: Mapping[str, Player], points: int, *, seed: int = 0, conditions: Conditions = EXACT
 ) -> Iterator[Match]:
     """Let every player play every other; yield the matches as they end.
 
-    A match is a call of `play_points` with the same arguments, so it does not depend on the other players.
+    A match is a call of `play_points` with the same arguments, so it does not depend on the other players. Both players
+    of a match play under the conditions.
     """
     for first, second in combinations(players, 2):
-        result = play_points(players[first], players[second], points, name=second, seed=seed, table=table)
+        result = play_points(
+            players[first], players[second], points, name=second, seed=seed, conditions=conditions, shared=True
+        )
         yield Match(first, result)
 
 

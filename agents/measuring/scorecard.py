@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.conditions import EXACT, Conditions
 from agents.measuring.evaluation import CONTROL_HZ, Result, TaskResult, play_points, play_task, wilson_interval
 from agents.measuring.shots import FORWARD, SHOT, Recorder, play_on
 from agents.models import Player
@@ -147,7 +148,7 @@ def measure(
     points: int = 2000,
     episodes: int = 4000,
     seed: int = 0,
-    table: str = "full_size",
+    conditions: Conditions = EXACT,
 ) -> Card:
     """Let a player play points against an opponent, half of them on each side of the table, and both tasks.
 
@@ -156,15 +157,16 @@ def measure(
         player_name, opponent_name: names for reports.
         points: number of points against the opponent.
         episodes: number of episodes of each task.
-        seed, table: used for all of these.
+        seed, conditions: used for all of these.
 
     Raises:
         ValueError: an argument is out of range.
     """
     played, hits, defences = _Watch(), _Watch(), _Defences()
-    result = play_points(player, opponent, points, name=opponent_name, seed=seed, table=table, observer=played)
-    hit = play_task(player, "hit", episodes, seed=seed, table=table, observer=hits)
-    defend = play_task(player, "defend", episodes, seed=seed, table=table, observer=defences)
+    shared: dict[str, Any] = {"seed": seed, "conditions": conditions}
+    result = play_points(player, opponent, points, name=opponent_name, observer=played, **shared)
+    hit = play_task(player, "hit", episodes, observer=hits, **shared)
+    defend = play_task(player, "defend", episodes, observer=defences, **shared)
 
     own, incoming = played.shots()
     defended = defences.shots()

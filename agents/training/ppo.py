@@ -18,10 +18,10 @@ from agents.features import RelativeFeatures
 from agents.files import COUNT, POSITIVE, SHARE, TEXT, or_none
 from agents.measuring.evaluation import OPPONENTS, Result, play_points
 from agents.models import export_policy
-from agents.options import Count, OptionalCount, TableName, check_ranges, check_table
+from agents.options import Count, OptionalCount, check_ranges
 from agents.training.league import League
 from agents.training.learning import Falling
-from agents.training.recipe import History, Phase, Recipe, Setup, TrainArgs
+from agents.training.recipe import History, Phase, Recipe, Setup, TrainArgs, conditions_of, with_conditions
 from agents.training.report import print_results
 from agents.training.stopping import Stop
 from agents.video import frames_of_play
@@ -30,7 +30,6 @@ from airhockey_env.game import REWARDS
 from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.opponents.players import Player as Opponent
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
-from airhockey_env.tables import PRESETS
 
 Args = TypeVar("Args", bound="PpoArgs")
 Model = TypeVar("Model", bound=PPO)
@@ -69,7 +68,6 @@ class PpoArgs(TrainArgs):
     """End the practice as soon as this share of its last 500 episodes succeeds."""
     reward: str = "shaped"
     """Learn from this reward: "sparse" (points alone) or "shaped"."""
-    table: TableName = "full_size"
     num_envs: Count = 512
     """Play on this many tables at once."""
     n_steps: Count = 32
@@ -100,7 +98,6 @@ class PpoArgs(TrainArgs):
 
 def resolve(args: Args) -> Args:
     """Check the options and fill in the numbers of steps. See `Recipe.resolve`."""
-    check_table(args.table)
     check_choice("--eval-opponent", args.eval_opponent, OPPONENTS)
     check_choice("--reward", args.reward, REWARDS)
     if not args.opponent or not set(args.opponent) <= set(OPPONENTS):
@@ -111,6 +108,7 @@ def resolve(args: Args) -> Args:
         batch_size=(2, most), n_epochs=(1, most), learning_rate=(0, 1), gamma=(0, 1), gae_lambda=(0, 1),
         clip_range=(0, 10), ent_coef=(0, 10), sde_sample_freq=(0, most), log_std_init=(-20, 2), net_width=(1, most),
     )  # fmt: skip
+    args = with_conditions(args)
     steps = args.steps or STEPS
     practice = min(steps // 2, MOST_PRACTICE) if args.warmup_steps is None else args.warmup_steps
     return dataclasses.replace(args, steps=steps, warmup_steps=practice)
@@ -130,7 +128,11 @@ def setup(args: PpoArgs, model: PPO, league: League | None = None, practise: boo
         evaluate=partial(evaluate, args, model),
         report=partial(report, args, model),
         frames=lambda folder: frames_of_play(
-            export_policy(model), args.eval_opponent, args.video_seconds, size=(640, 344), table=args.table
+            export_policy(model),
+            args.eval_opponent,
+            args.video_seconds,
+            size=(640, 344),
+            conditions=conditions_of(args),
         ),
         league=league,
     )
@@ -144,7 +146,7 @@ def make_env(args: PpoArgs, task: str = "point", opponents: Sequence[Opponent] |
             task=task,
             opponent=args.opponent if opponents is None else opponents,
             reward=args.reward,
-            table=args.table,
+            **conditions_of(args).env_arguments(),
             max_episode_steps=TASKS[task].max_episode_steps,
         )
     )
@@ -171,7 +173,7 @@ def make_model(args: PpoArgs, env: VecMonitor, algorithm: type[Model] = PPO) -> 
             "net_arch": [args.net_width, args.net_width],
             "activation_fn": torch.nn.ReLU,  # quicker than tanh
             "features_extractor_class": RelativeFeatures,
-            "features_extractor_kwargs": {"spec": PRESETS[args.table]},
+            "features_extractor_kwargs": {"spec": conditions_of(args).table},
         },
         stats_window_size=500,
         seed=args.seed,
@@ -223,7 +225,13 @@ class Practice(BaseCallback):
 def play(args: PpoArgs, model: PPO, opponent: str, points: int, purpose: str, stop: Stop) -> Result:
     """Play points with the agent as it is now. See `play_points` for the arguments."""
     return play_points(
-        export_policy(model), opponent, points, seed=args.seed, purpose=purpose, table=args.table, observer=stop.observe
+        export_policy(model),
+        opponent,
+        points,
+        seed=args.seed,
+        purpose=purpose,
+        conditions=conditions_of(args),
+        observer=stop.observe,
     )
 
 

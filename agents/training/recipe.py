@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
 
 import numpy as np
+import tyro
 from numpy.typing import NDArray
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
-from agents.options import Count, OptionalCount
+from agents.conditions import Conditions
+from agents.options import CameraOption, Count, DelayOption, OptionalCount, RandomizeOption, TableOption
 from agents.training.runs import RunFolder
 from agents.training.stopping import Stop
 
 if TYPE_CHECKING:
     from agents.training.league import League
+
+Args = TypeVar("Args", bound="TrainArgs")
 
 History = dict[str, Any]
 """The records of a run in evaluations.json, see `checkpoints.HISTORY`."""
@@ -46,6 +51,31 @@ class TrainArgs:
     """Record a video of this many seconds of the trained agent. With 0, there is no video."""
     threads: int = 1
     """Let PyTorch use this many threads. The networks are small, so a second thread does not help."""
+    table: TableOption = "full_size"
+    randomize: RandomizeOption = None
+    camera: CameraOption = None
+    action_delay_ms: DelayOption = (0.0,)
+    conditions: Annotated[dict[str, Any] | None, tyro.conf.Suppress] = None
+    """What the four options above mean. It is no option, but config.json keeps it with them: a run that is resumed does
+    not need the files again."""
+
+
+def conditions_of(args: TrainArgs) -> Conditions:
+    """The conditions under which an agent is trained and evaluated: those that the run keeps, or those of the options.
+
+    Raises:
+        OSError, ValueError: see `Conditions.of_options` and `Conditions.of_dict`.
+    """
+    return Conditions.of_options(args) if args.conditions is None else Conditions.of_dict(args.conditions)
+
+
+def with_conditions(args: Args) -> Args:
+    """The same options with the contents of `conditions`, for config.json.
+
+    Raises:
+        OSError, ValueError: see `conditions_of`.
+    """
+    return dataclasses.replace(args, conditions=conditions_of(args).as_dict())
 
 
 class Phase(NamedTuple):

@@ -18,6 +18,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecMonitor, VecTransposeImage
 
+from agents.conditions import Conditions
 from agents.files import NUMBER, POSITIVE, SHARE
 from agents.measuring.evaluation import CONTROL_HZ, wilson_interval
 from agents.models import load_player
@@ -25,7 +26,7 @@ from agents.options import Count
 from agents.seeding import table_seeds
 from agents.training.hyperparameters import Hyperparameters, parse_section, read_section
 from agents.training.learning import seed_tables
-from agents.training.recipe import History, Phase, Recipe, Setup, TrainArgs
+from agents.training.recipe import History, Phase, Recipe, Setup, TrainArgs, conditions_of, with_conditions
 from agents.training.report import print_successes
 from agents.training.runs import RunFolder
 from agents.training.stopping import Stop
@@ -81,12 +82,13 @@ def resolve(args: ZooArgs) -> ZooArgs:
         raise ValueError(f"--algo must be ppo for pictures, unless --hyperparams names a file; got {args.algo!r}")
     if args.resume is None:
         args = dataclasses.replace(args, hyperparams=file, section=read_section(file, args.env))
+    args = with_conditions(args)
     n_timesteps = parsed(args).n_timesteps
     return dataclasses.replace(args, steps=args.steps or n_timesteps)
 
 
 def parsed(args: ZooArgs) -> Hyperparameters:
-    """The hyperparameters in `section`, with the observations that the options name.
+    """The hyperparameters in `section`, with the observations and the conditions that the options name.
 
     Raises:
         ValueError: there is no section, or it is not in RL-Zoo's format.
@@ -94,6 +96,7 @@ def parsed(args: ZooArgs) -> Hyperparameters:
     hyperparameters = parse_section(args.section, f"{args.hyperparams}, section {args.env}", args.trust)
     if args.obs_type != "state":
         hyperparameters.env_kwargs["obs_type"] = args.obs_type
+    hyperparameters.env_kwargs.update(conditions_of(args).env_arguments())
     return hyperparameters
 
 
@@ -194,7 +197,7 @@ def frames(args: ZooArgs, hyperparameters: Hyperparameters, folder: RunFolder) -
     game = {"opponent": "striker", **gymnasium.spec(args.env).kwargs, **hyperparameters.env_kwargs}
     return frames_of_play(
         load_player(str(folder.path), trust=args.trust), game["opponent"], args.video_seconds,
-        size=(640, 344), task=game.get("task", "point"), table=game.get("table", "full_size"),
+        size=(640, 344), task=game.get("task", "point"), conditions=Conditions.of_env_arguments(game),
     )  # fmt: skip
 
 

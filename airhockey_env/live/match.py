@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from airhockey_env.game import Game
+from airhockey_env.game import CameraLike, Game
 from airhockey_env.kernel.history import next_history
 from airhockey_env.kernel.scripted import SCRIPTED
 from airhockey_env.kernel.state import LEFT, PUCK, RIGHT, SEATS
@@ -116,6 +116,8 @@ class LiveMatch:
         left: who plays on the left, likewise; None: a person, whose paddle follows the pointer.
         skill: share of its paddle's speed that the right player uses, 0 to 1.
         table: a preset's name or a `TableSpec`.
+        camera: what the right player sees the game through, as `AirHockeyEnv` takes it; None for exact states, which
+            scripted players see in any case.
         points: that win the match.
         control_hz: control steps a second.
         seed: of the serves; None: drawn.
@@ -147,6 +149,7 @@ class LiveMatch:
         left: Player | None = None,
         skill: float = 1.0,
         table: str | TableSpec = "full_size",
+        camera: CameraLike | None = None,
         points: int = 7,
         control_hz: float = CONTROL_HZ,
         seed: int | None = None,
@@ -158,6 +161,7 @@ class LiveMatch:
         self.game = Game(
             1,
             table=table,
+            camera=(None, camera),
             left=scripted[LEFT],
             right=scripted[RIGHT],
             right_skill=skill,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from airhockey_env.game import Game
 from airhockey_env.replay.dynamics import arguments_of, fingerprint
 from airhockey_env.replay.file import Replay
+from airhockey_env.saved_states import game_state
 from airhockey_env.version import __version__
 
 MOST_SECONDS = 1800.0
@@ -38,7 +39,7 @@ class Recording:
 
     def begin(self) -> None:
         """Forget everything: the game was reset."""
-        self._start = self._end = self._game.get_state()
+        self._start = self._end = game_state(self._game.get_state())
         self._left, self._right = array("f"), array("f")
 
     def add(self, left: NDArray[np.float32], right: NDArray[np.float32]) -> None:
@@ -47,7 +48,7 @@ class Recording:
             self._left.frombytes(left.tobytes())
             self._right.frombytes(right.tobytes())
             if len(self._left) == 2 * self._limit:
-                self._end = self._game.get_state()
+                self._end = game_state(self._game.get_state())
 
     def replay(self) -> Replay:
         """What was played, as one segment."""
@@ -62,7 +63,7 @@ class Recording:
             seeds=(None,),
             starts=np.zeros(1, np.int64),
             states=self._start,
-            ends=self._end if full else self._game.get_state(),
+            ends=self._end if full else game_state(self._game.get_state()),
             actions=np.array(self._left, np.float32).reshape(-1, 2),
             right_actions=np.array(right, np.float32).reshape(-1, 2),
         )

@@ -21,6 +21,14 @@ evaluate idle --opponent nobody
 evaluate idle --opponent goalie --task hit
 evaluate idle --task juggle
 evaluate idle --table billiards
+evaluate idle --table none.json
+evaluate idle --randomize worlds
+evaluate idle --randomize none.yaml
+evaluate idle --camera eagle
+evaluate idle --camera none.yml
+evaluate idle --action-delay-ms -1
+evaluate idle --action-delay-ms 1 2 3
+evaluate idle --action-delay-ms nan
 evaluate idle --episodes 0
 evaluate idle --opponent-skill 1.1
 evaluate idle --opponent-skill nan
@@ -32,6 +40,9 @@ ladder nobody
 ladder --points 0
 ladder --seed -1
 ladder --table billiards
+ladder --randomize worlds
+ladder --camera eagle
+ladder --action-delay-ms -1
 ladder --plot ladder.pdf
 ladder --plot none/ladder.png
 ladder --json none/ladder.json
@@ -41,6 +52,9 @@ play --points 0
 play --fps 1
 play --size 10 500
 play --table pool
+play --randomize worlds
+play --camera eagle
+play --action-delay-ms -1
 record_video nobody
 record_video idle --opponent nobody
 record_video idle --opponent goalie --task hit
@@ -52,6 +66,9 @@ record_video idle --seconds nan
 record_video idle --fps 0
 record_video idle --width 5
 record_video idle --table billiards
+record_video idle --randomize worlds
+record_video idle --camera eagle
+record_video idle --action-delay-ms -1
 scorecard
 scorecard nobody
 scorecard idle --opponent nobody
@@ -59,6 +76,9 @@ scorecard idle --points 0
 scorecard idle --episodes 0
 scorecard idle --seed -1
 scorecard idle --table billiards
+scorecard idle --randomize worlds
+scorecard idle --camera eagle
+scorecard idle --action-delay-ms -1
 scorecard idle --plot card.pdf
 scorecard idle --plot none/card.png
 scorecard idle --json none/card.json
@@ -71,9 +91,16 @@ train --env CartPole-v1
 train --obs-type sound
 train --obs-type rgb --algo sac
 train --hyperparams none.yml
+train --table billiards
+train --randomize worlds
+train --camera eagle
+train --action-delay-ms -1
 train_ppo --eval-opponent nobody
 train_ppo --opponent striker nobody
 train_ppo --table billiards
+train_ppo --randomize worlds
+train_ppo --camera eagle
+train_ppo --action-delay-ms -1
 train_ppo --reward huge
 train_ppo --num-envs 0
 train_ppo --steps 0
@@ -91,6 +118,10 @@ train_ppo --threads 0
 train_ppo --name ../outside
 train_ppo --resume none
 train_self_play --start none
+train_self_play --table billiards
+train_self_play --randomize worlds
+train_self_play --camera eagle
+train_self_play --action-delay-ms -1
 train_self_play --latest-share 1.1
 train_self_play --scripted-share 0.8
 train_self_play --snapshot-every 0
