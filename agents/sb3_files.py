@@ -29,6 +29,7 @@ from torch import nn
 
 from agents.features import RelativeFeatures, SmallCnn
 from airhockey_env.files import check_archive, parse_json
+from airhockey_env.kernel.state import ROW_SIZE
 
 MOST_BYTES, MOST_TIMES = 64 * 2**20, 4
 """A file may unpack to `MOST_BYTES`, or to `MOST_TIMES` its own size if that is more: Stable-Baselines3 does not
@@ -344,7 +345,7 @@ def _features(
     module: nn.Module
     if not weights and named in (None, str(FlattenExtractor)):
         module, width = nn.Flatten(), math.prod(shape)
-    elif "matrix" in weights and named == str(RelativeFeatures) and len(shape) <= 2 and shape == observation_shape(1 if len(shape) == 1 else shape[0]):
+    elif "matrix" in weights and named == str(RelativeFeatures) and shape in ((13,), (shape[0], ROW_SIZE)):
         module = RelativeFeatures(spaces.Box(-1.0, 1.0, shape))
         width = module.features_dim
     elif pictures and ("patches.weight" in weights and named == str(SmallCnn)):

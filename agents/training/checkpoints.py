@@ -10,7 +10,7 @@ import numpy as np
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
 from agents.files import COUNT, NUMBER, or_none, read_json, replace_together, write_json
-from agents.models import export_policy
+from agents.models import export_policy, seen_space
 from agents.sb3_files import load_weights
 from agents.training.recipe import History, Setup
 from agents.training.runs import RunFolder
@@ -35,8 +35,7 @@ def save(folder: RunFolder, setup: Setup, history: History) -> None:
     """
     model = setup.model
     writes: dict[Path, Callable[[Path], object]] = {folder.model: model.save}
-    shape = model.observation_space.shape
-    if shape is not None and len(shape) <= 2:  # not pictures
+    if len(seen_space(model).shape) <= 2:  # not pictures
         writes[folder.policy] = export_policy(model).save
     if isinstance(model, OffPolicyAlgorithm) and model.replay_buffer is not None:
         writes[folder.buffer] = lambda part: save_buffer(model.replay_buffer, part)

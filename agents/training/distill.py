@@ -8,18 +8,29 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 
+import numpy as np
 from stable_baselines3.common.vec_env import VecMonitor
 
+from agents.conditions import EXACT
 from agents.models import load_player
 from agents.options import OptionalCount, check_ranges
 from agents.training import ppo
 from agents.training.learning import Falling
-from agents.training.mixed import MixedTables
-from agents.training.recipe import History, Phase, Recipe, Setup
-from agents.training.student import Labels, Student
+from agents.training.recipe import History, Phase, Recipe, Setup, conditions_of
+from agents.training.student import Imitation, Student, StudentFeatures, StudentPolicy
+from agents.training.student_tables import StudentTables
 from airhockey_env.opponents.policy import MlpPolicy
 
 STEPS = 20_000_000
+
+CRITIC_WIDTH = 128
+"""Units of the critic's two hidden layers. It sees the exact state, so that it needs fewer than the student."""
+
+_SIGHT = ("camera", "action_delay_ms")
+
+SHARES: dict[tuple[str, ...], float] = {(): 0.375, ("randomize",): 0.375, _SIGHT: 0.125, (*_SIGHT, "randomize"): 0.125}
+"""Shares of the tables by the conditions that are left out on them. Without tables that are always the same, and others
+with exact states, the student would play worse where nothing has to be guessed."""
 
 
 @dataclass(frozen=True)
@@ -34,13 +45,16 @@ class DistillArgs(ppo.PpoArgs):
     --steps."""
     imitation_rate: float = 1e-3
     """Use this learning rate while imitating. It falls linearly to a fiftieth."""
+    noise: float = 0.25
+    """Begin PPO with disturbances of the actions (gSDE) of this standard deviation. --log-std-init is that of the
+    disturbances while imitating."""
 
 
 def resolve(args: DistillArgs) -> DistillArgs:
     """Check the options and fill in the numbers of steps. See `Recipe.resolve`."""
     steps = args.steps or STEPS
     imitation = steps // 2 if args.imitation_steps is None else args.imitation_steps
-    check_ranges(args, imitation_steps=(0, math.inf), imitation_rate=(0, 1))
+    check_ranges(args, imitation_steps=(0, math.inf), imitation_rate=(0, 1), noise=(1e-3, 1))
     load_teacher(args.teacher)
     args = dataclasses.replace(args, steps=steps, imitation_steps=imitation, warmup_steps=0)
     return ppo.resolve(args)
@@ -54,18 +68,40 @@ def load_teacher(name: str) -> MlpPolicy:
         ValueError: it is no network that sees one exact state at a time.
     """
     teacher = load_player(name, "--teacher")
-    if not isinstance(teacher, MlpPolicy):
-        raise ValueError(f"--teacher must be a trained policy that sees states, got {name!r}")
+    if not isinstance(teacher, MlpPolicy) or teacher.stack > 1:
+        raise ValueError(f"--teacher must be a trained policy that sees one state at a time, got {name!r}")
     return teacher
 
 
 def build(args: DistillArgs, new: bool) -> Setup:
     """See `Recipe.build`."""
-    model = ppo.make_model(args, ppo.make_env(args), Student)
+    model = make_student(args)
     return ppo.setup(args, model)._replace(
         title=f"Distilled from {args.teacher}, points against {args.eval_opponent}",
         phases=partial(phases, args, model, load_teacher(args.teacher)),
     )
+
+
+def make_student(args: DistillArgs) -> Student:
+    """Make an untrained student."""
+    arguments = ppo.model_arguments(args)
+    arguments["policy_kwargs"] |= {
+        "features_extractor_class": StudentFeatures,
+        "net_arch": {"pi": [args.net_width] * 2, "vf": [CRITIC_WIDTH] * 2},
+    }
+    return Student(StudentPolicy, make_env(args), **arguments)
+
+
+def make_env(args: DistillArgs) -> VecMonitor:
+    """Make the tables to train on, some of them under easier conditions than those of the options: see `SHARES`."""
+    whole = conditions_of(args)
+    ends = [round(share * args.num_envs) for share in np.cumsum(list(SHARES.values()))]
+    parts = [
+        ppo.make_tables(args, dataclasses.replace(whole, **{name: getattr(EXACT, name) for name in left_out}), size)
+        for left_out, size in zip(SHARES, np.diff([0, *ends]).tolist(), strict=True)
+        if size > 0
+    ]
+    return VecMonitor(StudentTables(parts, whole.randomize or {}))
 
 
 def phases(args: DistillArgs, model: Student, teacher: MlpPolicy, history: History) -> Iterator[Phase]:
@@ -74,10 +110,11 @@ def phases(args: DistillArgs, model: Student, teacher: MlpPolicy, history: Histo
     share = args.imitation_steps / args.steps
     if model.num_timesteps < args.imitation_steps:
         model.lr_schedule = Falling(args.imitation_rate, to=0.02, ends=share)
-        labels = Labels(teacher, args.imitation_steps)
-        yield Phase(f"Imitation of {args.teacher}.", "imitation", ppo.make_env(args), [labels])
+        imitation = Imitation(teacher, args.imitation_steps)
+        yield Phase(f"Imitation of {args.teacher}.", "imitation", make_env(args), [imitation])
+        model.set_noise(args.noise)
     model.lr_schedule = Falling(args.learning_rate, to=0.02, begins=share)
-    yield Phase(f"Points against {' and '.join(args.opponent)}.", "training", ppo.make_env(args))
+    yield Phase(f"Points against {' and '.join(args.opponent)}.", "training", make_env(args))
 
 
 RECIPE = Recipe("distill", DistillArgs, resolve, build, ppo.EVALUATION)

@@ -12,13 +12,14 @@ from stable_baselines3.common.logger import KVWriter
 from stable_baselines3.common.vec_env import VecEnv
 
 from agents.seeding import sequence, table_seeds
+from agents.training.student_tables import StudentTables
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 
 
 def seed_tables(env: VecEnv, seeds: list[int]) -> None:
     """Seed the next reset of wrapped tables, with one seed per table."""
     tables = env.unwrapped
-    assert isinstance(tables, AirHockeySB3VecEnv)
+    assert isinstance(tables, (AirHockeySB3VecEnv, StudentTables))
     tables.seed(seeds)
 
 
