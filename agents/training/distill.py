@@ -112,7 +112,8 @@ def phases(args: DistillArgs, model: Student, teacher: MlpPolicy, history: Histo
         model.lr_schedule = Falling(args.imitation_rate, to=0.02, ends=share)
         imitation = Imitation(teacher, args.imitation_steps)
         yield Phase(f"Imitation of {args.teacher}.", "imitation", make_env(args), [imitation])
-        model.set_noise(args.noise)
+        if model.num_timesteps >= args.imitation_steps:  # and it was not stopped before
+            model.set_noise(args.noise)
     model.lr_schedule = Falling(args.learning_rate, to=0.02, begins=share)
     yield Phase(f"Points against {' and '.join(args.opponent)}.", "training", make_env(args))
 

@@ -109,14 +109,14 @@ class Student(PPO):
         self.logger.record("train/imitation_error", float(torch.stack(errors).mean()))
 
     def set_noise(self, deviation: float) -> None:
-        """Let the disturbances of the actions (gSDE) have this standard deviation, in the states of the last rollout.
+        """Let the disturbances of the actions (gSDE) have this standard deviation, on the tables as they are now.
 
         gSDE multiplies random numbers with the outputs of the last hidden layer, whose size depends on training.
         """
         policy: Any = self.policy
-        seen = {name: torch.as_tensor(part[-1]) for name, part in self.rollout_buffer.observations.items()}
+        observations, _ = policy.obs_to_tensor(self._last_obs)
         with torch.no_grad():
-            latent, _ = policy.mlp_extractor(policy.extract_features(seen))
+            latent, _ = policy.mlp_extractor(policy.extract_features(observations))
             policy.log_std.fill_(math.log(deviation) - 0.5 * math.log(float((latent**2).sum(dim=1).mean())))
 
     def _excluded_save_params(self) -> list[str]:
