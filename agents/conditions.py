@@ -16,9 +16,9 @@ import numpy as np
 
 from agents.files import FIELD_FILES, read_fields
 from agents.options import listed
-from airhockey_env.cameras import CAMERAS, resolve_camera
-from airhockey_env.checks import check_number, check_pair, fault
-from airhockey_env.kernel.state import LEFT
+from airhockey_env.cameras import CAMERAS, Camera, resolve_camera
+from airhockey_env.checks import check_action_delay, fault
+from airhockey_env.kernel.state import SEATS
 from airhockey_env.tables import (
     FULL_SIZE,
     PRESETS,
@@ -28,9 +28,6 @@ from airhockey_env.tables import (
     resolve_randomize,
     resolve_table,
 )
-
-MOST_DELAY = 1000.0
-"""ms, the longest delay of actions."""
 
 
 class Options(Protocol):
@@ -58,21 +55,15 @@ class Conditions:
     """The table, or the one whose values the fields keep that are not drawn."""
     randomize: Mapping[str, Any] | None = None
     """Ranges of the table's fields, (low, high), to draw from for every episode."""
-    camera: Mapping[str, Any] | None = None
-    """The fields of the player's camera, or ranges of them; None: the player sees exact states."""
+    camera: Camera | None = None
+    """The player's camera; None: the player sees exact states."""
     action_delay_ms: float | tuple[float, float] = 0.0
     """ms from the player's choice until its paddle obeys, or the range to draw from for every episode."""
 
     def __post_init__(self) -> None:
-        for name in ("randomize", "camera"):
-            if isinstance(fields := getattr(self, name), Mapping):
-                object.__setattr__(self, name, {key: _pair(value) for key, value in fields.items()})
-        object.__setattr__(self, "action_delay_ms", _pair(self.action_delay_ms))
         if self.randomize is not None:
             check_randomize(self.table, self.randomize)
-        if self.camera is not None:
-            resolve_camera(self.camera)
-        check_delay(self.action_delay_ms)
+        object.__setattr__(self, "action_delay_ms", check_action_delay("action_delay_ms", self.action_delay_ms))
 
     @classmethod
     def of_options(cls, args: Options) -> Conditions:
@@ -87,7 +78,7 @@ class Conditions:
         if args.randomize is not None:
             randomize = _read("randomize", args.randomize, TABLE_RANGES, lambda given: _ranges(table, given))
         if args.camera is not None:
-            camera = _read("camera", args.camera, CAMERAS, lambda given: resolve_camera(given).fields())
+            camera = _read("camera", args.camera, CAMERAS, resolve_camera)
         delay = args.action_delay_ms
         if len(delay) not in (1, 2):
             raise fault("--action-delay-ms", "one number, or two for a range", delay)
@@ -106,14 +97,20 @@ class Conditions:
         names = [field.name for field in dataclasses.fields(cls)]
         if sorted(kept) != sorted(names):
             raise fault("conditions", f"values of {', '.join(names)}", dict(kept))
-        return cls(**{**kept, "table": resolve_table(kept["table"])})
+        ranges, camera = kept["randomize"], kept["camera"]
+        return cls(
+            resolve_table(kept["table"]),
+            {name: _pair(value) for name, value in ranges.items()} if isinstance(ranges, Mapping) else ranges,
+            None if camera is None else resolve_camera(camera),
+            kept["action_delay_ms"],
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """The contents, for a JSON file."""
         return {
             "table": dataclasses.asdict(self.table),
             "randomize": self.randomize,
-            "camera": self.camera,
+            "camera": None if self.camera is None else self.camera.fields(),
             "action_delay_ms": self.action_delay_ms,
         }
 
@@ -128,7 +125,8 @@ class Conditions:
         return cls(
             resolve_table(arguments.get("table", FULL_SIZE)),
             resolve_randomize(arguments.get("randomize")),
-            None if camera is None else resolve_camera(camera).fields(),
+            None if camera is None else resolve_camera(camera),
+            arguments.get("action_delay_ms", 0.0),
         )
 
     def env_arguments(self) -> dict[str, Any]:
@@ -138,8 +136,15 @@ class Conditions:
 
     def game_arguments(self, *seats: int) -> dict[str, Any]:
         """Arguments of a `Game` in which these seats are played under the conditions, and others with exact states."""
-        cameras = [self.camera if seat in seats else None for seat in (LEFT, 1 - LEFT)]
-        return {"table": self.table, "randomize": self.randomize, "camera": cameras}
+        cameras = [self.camera if seat in seats else None for seat in SEATS]
+        left, right = (self.action_delay_ms if seat in seats else 0.0 for seat in SEATS)
+        return {
+            "table": self.table,
+            "randomize": self.randomize,
+            "camera": cameras,
+            "left_action_delay_ms": left,
+            "right_action_delay_ms": right,
+        }
 
     def drawn(self, seed: int | None = None) -> Conditions:
         """The same conditions on one table that is drawn from the ranges."""
@@ -148,20 +153,6 @@ class Conditions:
         low, high = check_randomize(self.table, self.randomize).T
         values = np.random.default_rng(seed).uniform(low, high)
         return dataclasses.replace(self, table=TableSpec(*values), randomize=None)
-
-
-def check_delay(delay: Any) -> None:
-    """Whether this is a delay of actions, ms, or a range of delays.
-
-    Raises:
-        ValueError: it is not.
-    """
-    if isinstance(delay, (tuple, list)):
-        low, high = check_pair("action_delay_ms", delay)
-        if not 0.0 <= low <= high <= MOST_DELAY:
-            raise fault("action_delay_ms", f"(low, high) with 0 <= low <= high <= {MOST_DELAY:g}", delay)
-    else:
-        check_number("action_delay_ms", delay, 0.0, MOST_DELAY)
 
 
 def in_words(args: Options) -> str:
@@ -177,7 +168,7 @@ def _ranges(table: TableSpec, given: str | Mapping[str, Any]) -> Mapping[str, An
     ranges = resolve_randomize(given)
     assert ranges is not None
     check_randomize(table, ranges)
-    return ranges
+    return {name: _pair(value) for name, value in ranges.items()}
 
 
 def _pair(value: Any) -> Any:

@@ -13,7 +13,8 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 
-from airhockey_env.kernel.state import OBSERVATION_SIZE, ROW_SIZE
+from airhockey_env.checks import MOST_STACK
+from airhockey_env.kernel.state import OBSERVATION_SIZE, ROW_SIZE, observation_shape
 from airhockey_env.tables import FULL_SIZE, TableSpec
 
 _DISTANCE_SCALE = 6.0
@@ -22,12 +23,35 @@ _DISTANCE_SCALE = 6.0
 _SPEED_SCALE = 3.0
 """Factor on the puck's velocity, because the puck is usually far slower than its greatest speed."""
 
+
 _CHANGE_SCALE = 4.0
-"""Factor on the changes between the rows of a stack."""
+"""Factor on the changes from one row of a stack to the next, which are small for the same reason."""
 
 
-def relative_features(spec: TableSpec) -> NDArray[np.float32]:
-    """The (17, 13) matrix that maps an observation to the features."""
+def relative_features(spec: TableSpec, stack: int = 1) -> NDArray[np.float32]:
+    """The matrix that maps an observation to the features: (17, 13), or (19 * stack, 15 * stack) of a stack's rows.
+
+    Of a stack, the features are those of the newest row and its action, and for each older row the changes of these
+    features from it to the next, with the older action as it is.
+    """
+    one = _of_one_row(spec)
+    if stack == 1:
+        return one
+    inputs, outputs = ROW_SIZE, len(one) + 2
+    row = np.zeros((outputs, inputs), np.float32)
+    row[: len(one), :OBSERVATION_SIZE] = one
+    row[len(one) :, OBSERVATION_SIZE:] = np.eye(2)
+    matrix = np.zeros((outputs * stack, inputs * stack), np.float32)
+    matrix[-outputs:, -inputs:] = row
+    for k in range(stack - 1):
+        older, newer = (slice(inputs * j, inputs * (j + 1)) for j in (k, k + 1))
+        change = matrix[outputs * k : outputs * (k + 1)]
+        change[: len(one), older], change[: len(one), newer] = -_CHANGE_SCALE * row[:-2], _CHANGE_SCALE * row[:-2]
+        change[len(one) :, older] = row[-2:]
+    return matrix
+
+
+def _of_one_row(spec: TableSpec) -> NDArray[np.float32]:
     matrix = np.zeros((17, 13), np.float32)
     matrix[range(13), range(13)] = 1.0
     matrix[10, 10] = matrix[11, 11] = _SPEED_SCALE
@@ -38,36 +62,13 @@ def relative_features(spec: TableSpec) -> NDArray[np.float32]:
     return matrix
 
 
-def stacked_features(spec: TableSpec, stack: int) -> NDArray[np.float32]:
-    """The (19 * stack, 15 * stack) matrix that maps the rows of a stack, oldest first, to the features.
-
-    The newest row has the features of an observation, and the action as it is. What older rows add are the small
-    changes from each to the next, so these come instead, at a useful scale, beside the actions.
-    """
-    of_a_row = np.zeros((17, ROW_SIZE), np.float32)
-    of_a_row[:, :OBSERVATION_SIZE] = relative_features(spec)
-    actions = np.eye(ROW_SIZE, dtype=np.float32)[OBSERVATION_SIZE:]
-    parts = np.zeros((stack, 19, stack, ROW_SIZE), np.float32)
-    for row in range(stack):
-        parts[row, 17:, row] = actions
-        if row == stack - 1:
-            parts[row, :17, row] = of_a_row
-        else:
-            parts[row, :17, row], parts[row, :17, row + 1] = -_CHANGE_SCALE * of_a_row, _CHANGE_SCALE * of_a_row
-    return parts.reshape(19 * stack, ROW_SIZE * stack)
-
-
 class RelativeFeatures(BaseFeaturesExtractor):
-    """The fixed linear layer, for Stable-Baselines3's `features_extractor_class`.
-
-    Observations may be stacked: (13,), or (K, 15).
-    """
+    """The fixed linear layer, for Stable-Baselines3's `features_extractor_class`."""
 
     matrix: torch.Tensor
 
     def __init__(self, observation_space: spaces.Box, spec: TableSpec = FULL_SIZE) -> None:
-        stacked = len(observation_space.shape) == 2
-        matrix = stacked_features(spec, observation_space.shape[0]) if stacked else relative_features(spec)
+        matrix = relative_features(spec, stack_of_shape(observation_space.shape))
         super().__init__(observation_space, matrix.shape[0])
         self.register_buffer("matrix", torch.as_tensor(matrix))
 
@@ -98,3 +99,9 @@ class SmallCnn(BaseFeaturesExtractor):
         patches = self.patches
         seen = torch.nn.functional.conv2d(observations, patches.weight / 255.0, patches.bias, patches.stride)
         return self.layers(seen)
+
+
+def stack_of_shape(shape: tuple[int, ...]) -> int:
+    """The number of state observations in observations of this shape: see `AirHockeyEnv`'s `stack`; 0 for others."""
+    stack = shape[0] if len(shape) == 2 else 1
+    return stack if stack <= MOST_STACK and shape == observation_shape(stack) else 0

@@ -6,9 +6,9 @@ import importlib
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
@@ -18,7 +18,7 @@ from agents.files import read_json
 from airhockey_env.actions import DIRECTIONS
 from airhockey_env.drawing.pixels import CHANNELS, SIZE, Pixels
 from airhockey_env.game import OBS_TYPES, Game
-from airhockey_env.kernel.state import OBSERVATION_SIZE, observation_shape
+from airhockey_env.kernel.state import OBSERVATION_SIZE
 from airhockey_env.opponents.players import NAMES
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.opponents.trained import TRAINED, trained_policy
@@ -38,20 +38,27 @@ _AT_ONCE = 256
 """Rows per call of a network: with stacked pictures, more would need gigabytes between the layers."""
 
 
+class Sight(NamedTuple):
+    """The kind of observations that a player sees."""
+
+    obs_type: str  # "state", "rgb" or "grayscale"
+    frames: int = 1  # number of observations that `VecFrameStack` stacks
+    stack: int = 1  # the environments' own `stack`
+
+
 class ModelPlayer:
     """A model that needs PyTorch, or that sees something other than a single state observation.
 
     It gets the observations that it was trained with: states or pictures, stacked as Stable-Baselines3's
-    `VecFrameStack` does, with zeros before the first observation of an episode.
+    `VecFrameStack` does, with zeros before the first observation of an episode, or as the environments do.
 
     Args:
         answer: the network. Maps observations (N, ...) to actions (N, 2) or to numbers of directions (N,).
-        obs_type: "state", "rgb" or "grayscale".
-        frames: number of stacked observations.
+        sight: the observations that it sees.
     """
 
-    def __init__(self, answer: Callable[[NDArray[Any]], NDArray[Any]], obs_type: str, frames: int) -> None:
-        self.answer, self.obs_type, self.frames = answer, obs_type, frames
+    def __init__(self, answer: Callable[[NDArray[Any]], NDArray[Any]], sight: Sight) -> None:
+        self.answer, self.sight = answer, sight
 
 
 class ModelPolicy:
@@ -59,12 +66,16 @@ class ModelPolicy:
 
     Attributes:
         seen: (N, ...) the last input of the network; None before the first.
+        stack: how many state observations the game has to give it at once.
     """
 
     def __init__(self, player: ModelPlayer) -> None:
         self.player = player
         self.seen: NDArray[Any] | None = None
-        self._pixels = Pixels(player.obs_type) if player.obs_type in CHANNELS else None
+        sight = player.sight
+        self._pixels = Pixels(sight.obs_type) if sight.obs_type in CHANNELS else None
+        self.stack = sight.stack if self._pixels is None else 1
+        self._kept = sight.frames if self._pixels is None else max(sight.frames, sight.stack)
         self._game: Game | None = None
 
     @property
@@ -77,24 +88,28 @@ class ModelPolicy:
         self._game, self.seen = game, None
 
     def __call__(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Actions (N, 2) for the state observations (N, 13) of all tables. Call it exactly once per step."""
+        """Actions (N, 2) for the state observations (N, 13), or (N, stack, 15), of all tables.
+
+        Call it exactly once per step.
+        """
         assert self._game is not None, "join a game first"
         new = self._observed(observations, self._game)
-        if self.player.frames == 1:
+        if self._kept == 1:
             self.seen = new
         else:
-            width = new.shape[1]
-            before = np.zeros_like(np.repeat(new, self.player.frames - 1, axis=1))
-            if self.seen is not None:
-                before = self.seen[:, width:].copy()
-                before[self._game.out.began] = 0
+            first = np.concatenate([new] * (self._kept - 1), axis=1)  # before an episode's first observation
+            if self.player.sight.stack == 1:
+                first[:] = 0
+            began = np.ones(len(new), np.bool_) if self.seen is None else self._game.out.began
+            before = first if self.seen is None else self.seen[:, new.shape[1] :].copy()
+            before[began] = first[began]
             self.seen = np.concatenate([before, new], axis=1)
         parts = [self.player.answer(self.seen[k : k + _AT_ONCE]) for k in range(0, len(new), _AT_ONCE)]
         actions = np.concatenate(parts)
         return actions.astype(np.float32) if actions.ndim == 2 else DIRECTIONS[actions]
 
     def _observed(self, observations: NDArray[np.float32], game: Game) -> NDArray[Any]:
-        """The player's observations: states (N, 13) or pictures (N, channels, 84, 84)."""
+        """The player's observations: states (N, 13) or (N, stack, 15), or pictures (N, channels, 84, 84)."""
         if self._pixels is None:
             return observations.copy()
         frames = self._pixels.blank(len(observations))
@@ -129,7 +144,7 @@ def export_policy(model: Any) -> MlpPolicy:
     """
     from torch import nn
 
-    from agents.features import RelativeFeatures
+    from agents.features import RelativeFeatures, stack_of_shape
 
     policy = model.policy
     actor = getattr(policy, "actor", None)
@@ -145,7 +160,7 @@ def export_policy(model: Any) -> MlpPolicy:
     matrix = features.matrix.numpy() if isinstance(features, RelativeFeatures) else None
     activation = "relu" if any(isinstance(layer, nn.ReLU) for layer in layers) else "tanh"
     clip = layers[-1].max_val if isinstance(layers[-1], nn.Hardtanh) else None
-    stack = _stack_of(seen_space(model).shape)
+    stack = stack_of_shape(seen_space(model).shape)
     return _folded(weights, biases, activation, matrix, clip, squash=actor is not None, stack=stack)
 
 
@@ -178,11 +193,6 @@ def seen_space(model: Any) -> Any:
     return space["seen"] if isinstance(space, spaces.Dict) else space
 
 
-def _stack_of(shape: tuple[int, ...]) -> int:
-    """How many observations of the state are stacked in this shape."""
-    return shape[0] if len(shape) == 2 else 1
-
-
 def load_player(model: str, option: str = "MODEL", *, trust: bool = False) -> Player:
     """Load a player that is named on a command line.
 
@@ -212,6 +222,26 @@ def load_player(model: str, option: str = "MODEL", *, trust: bool = False) -> Pl
     return load_model(path, trust=trust) if path.suffix == ".zip" else MlpPolicy.load(path)
 
 
+def load_players(models: Sequence[str], trust: bool = False) -> dict[str, Player]:
+    """Load different players, keyed by the names that tables and plots show.
+
+    Args:
+        models: players as `load_player` accepts them. A file is named after the folder of its run, or after its path if
+            that is not unique.
+        trust: see `load_player`.
+
+    Raises:
+        FileNotFoundError, ValueError: see `load_player`.
+    """
+    given = list(dict.fromkeys(models))
+    players = {model: load_player(model, trust=trust) for model in given}
+    short = [short_name(model) for model in given]
+    return {
+        name if short.count(name) == 1 else model: player
+        for name, (model, player) in zip(short, players.items(), strict=True)
+    }
+
+
 def load_model(path: Path, *, trust: bool = False) -> MlpPolicy | ModelPlayer:
     """Load the player in a Stable-Baselines3 model file; one that sees a single state observation plays without torch.
 
@@ -233,16 +263,14 @@ def load_model(path: Path, *, trust: bool = False) -> MlpPolicy | ModelPlayer:
                 "trust the author of the file"
             ) from error
         return _trusted_player(path, trusted_policy(path))
-    rows = len(actor.shape) == 2 and actor.shape == observation_shape(actor.shape[0])
-    obs_type, frames = ("state", 1) if rows else _sight(path, actor.shape)
-    if obs_type == "state" and frames == 1:
+    sight = _sight(path, actor.shape)
+    if sight.obs_type == "state" and sight.frames == 1:
         activation = {"Tanh": "tanh", "ReLU": "relu"}.get(actor.activation.__name__)
         if activation == "relu" or (activation == "tanh" and actor.clip is None):
             weights, biases = ([part.numpy() for part in parts] for parts in zip(*actor.layers, strict=True))
             matrix = actor.features.matrix.numpy() if isinstance(actor.features, RelativeFeatures) else None
-            stack = _stack_of(actor.shape)
-            return _folded(weights, biases, activation, matrix, actor.clip, actor.squash, stack)
-    return ModelPlayer(lambda seen: _action(actor(seen)), obs_type, frames)
+            return _folded(weights, biases, activation, matrix, actor.clip, actor.squash, sight.stack)
+    return ModelPlayer(lambda seen: _action(actor(seen)), sight)
 
 
 def _action(outputs: NDArray[np.float32]) -> NDArray[Any]:
@@ -254,20 +282,24 @@ def _trusted_player(path: Path, policy: Any) -> ModelPlayer:
     """Wrap a policy that was loaded with its pickles."""
     if hasattr(policy, "lstm_actor"):
         raise ValueError(f"{path} holds a recurrent policy, which cannot be played here")
-    obs_type, frames = _sight(path, tuple(getattr(policy.observation_space, "shape", None) or ()))
-    return ModelPlayer(lambda seen: policy.predict(seen, deterministic=True)[0], obs_type, frames)
+    sight = _sight(path, tuple(getattr(policy.observation_space, "shape", None) or ()))
+    return ModelPlayer(lambda seen: policy.predict(seen, deterministic=True)[0], sight)
 
 
-def _sight(path: Path, shape: tuple[int, ...]) -> tuple[str, int]:
-    """The kind of observation for this shape, and how many are stacked."""
+def _sight(path: Path, shape: tuple[int, ...]) -> Sight:
+    """The kind of observations of this shape."""
+    from agents.features import stack_of_shape
+
+    if stack := stack_of_shape(shape):
+        return Sight("state", stack=stack)
     if len(shape) == 1 and shape[0] % OBSERVATION_SIZE == 0:
-        return "state", shape[0] // OBSERVATION_SIZE
+        return Sight("state", frames=shape[0] // OBSERVATION_SIZE)
     if len(shape) != 3 or shape[1:] != (SIZE, SIZE):
         raise ValueError(
             f"{path} plays another game: it sees observations of shape {shape}, in place of ({OBSERVATION_SIZE},) or "
             f"(channels, {SIZE}, {SIZE}), or several of these stacked"
         )
-    kind = _kind_of_run(path.parent / "config.json")
+    kind, stack = _settings_of_run(path.parent / "config.json")
     if kind is None and shape[0] % CHANNELS["rgb"]:
         kind = "grayscale"
     if kind is None:
@@ -277,14 +309,16 @@ def _sight(path: Path, shape: tuple[int, ...]) -> tuple[str, int]:
         )
     if shape[0] % CHANNELS[kind]:
         raise ValueError(f"{path} sees {shape[0]} channels, which are no whole number of {kind} pictures")
-    return kind, shape[0] // CHANNELS[kind]
+    number = shape[0] // CHANNELS[kind]
+    return Sight(kind, stack=number) if stack == number else Sight(kind, frames=number)
 
 
-def _kind_of_run(config: Path) -> str | None:
-    """The kind of pictures in the config of a run, or None if it does not say."""
+def _settings_of_run(config: Path) -> tuple[str | None, Any]:
+    """The kind of pictures in the config of a run and its `stack`, each None if it does not say."""
     if not config.is_file():
-        return None
+        return None, None
     settings = read_json(config)
+    stack = settings.get("stack") if isinstance(settings, dict) else None
     section = settings.get("section") if isinstance(settings, dict) else None
     inner = section.get("env_kwargs") if isinstance(section, dict) else None
     for place in (settings, inner):
@@ -292,8 +326,8 @@ def _kind_of_run(config: Path) -> str | None:
         if kind not in (None, *OBS_TYPES):
             raise ValueError(f"{config}: obs_type must be one of {OBS_TYPES}, got {kind!r}")
         if kind in CHANNELS:
-            return kind
-    return None
+            return kind, stack
+    return None, stack
 
 
 def _function(model: str, option: str) -> Policy:

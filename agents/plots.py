@@ -10,6 +10,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from airhockey_env.files import replace
 
 if TYPE_CHECKING:
@@ -62,6 +64,23 @@ def with_interval(
         low, high = zip(*intervals, strict=True)
         axis.fill_between(x, low, high, color=color, alpha=0.15, linewidth=0)
         axis.vlines(x, low, high, color=color, alpha=0.5, linewidth=1)
+
+
+def heat_map(axis: Any, percents: Any) -> None:
+    """Draw percentages (n, m), from red over white at 50 to blue, with a number in each cell; NaN is left empty."""
+    from matplotlib.colors import LinearSegmentedColormap
+
+    colors = LinearSegmentedColormap.from_list("percents", [RED, "white", BLUE])
+    axis.imshow(np.ma.masked_invalid(percents), cmap=colors, vmin=0, vmax=100, aspect="auto")
+    for (i, j), percent in np.ndenumerate(percents):
+        if not np.isnan(percent):
+            dark = abs(percent - 50) > 30
+            axis.text(j, i, f"{percent:.0f}", ha="center", va="center", color="white" if dark else INK)
+    axis.set_xticks(np.arange(1, percents.shape[1]) - 0.5, minor=True)
+    axis.set_yticks(np.arange(1, percents.shape[0]) - 0.5, minor=True)
+    axis.grid(which="minor", color="white", linewidth=2)
+    axis.tick_params(which="both", length=0)
+    axis.spines[:].set_visible(False)
 
 
 def save_figure(figure: Any, path: Path) -> None:

@@ -27,9 +27,8 @@ from stable_baselines3.common.save_util import recursive_getattr
 from stable_baselines3.common.torch_layers import FlattenExtractor, NatureCNN
 from torch import nn
 
-from agents.features import RelativeFeatures, SmallCnn
+from agents.features import RelativeFeatures, SmallCnn, stack_of_shape
 from airhockey_env.files import check_archive, parse_json
-from airhockey_env.kernel.state import ROW_SIZE
 
 MOST_BYTES, MOST_TIMES = 64 * 2**20, 4
 """A file may unpack to `MOST_BYTES`, or to `MOST_TIMES` its own size if that is more: Stable-Baselines3 does not
@@ -345,7 +344,7 @@ def _features(
     module: nn.Module
     if not weights and named in (None, str(FlattenExtractor)):
         module, width = nn.Flatten(), math.prod(shape)
-    elif "matrix" in weights and named == str(RelativeFeatures) and shape in ((13,), (shape[0], ROW_SIZE)):
+    elif "matrix" in weights and named == str(RelativeFeatures) and stack_of_shape(shape):
         module = RelativeFeatures(spaces.Box(-1.0, 1.0, shape))
         width = module.features_dim
     elif pictures and ("patches.weight" in weights and named == str(SmallCnn)):

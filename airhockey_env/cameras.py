@@ -7,7 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from airhockey_env.checks import check_number, check_whole, fault
+from airhockey_env.checks import check_number_or_range, check_whole_or_range, fault
+
+Number = float | tuple[float, float]
+"""A number, or the least and the greatest of those that are drawn from."""
 
 
 @dataclass(frozen=True)
@@ -17,36 +20,40 @@ class Camera:
     The player's own paddle, which has encoders, and the shot clock, which belongs to the referee, stay exact. Derive a
     variant with `dataclasses.replace(ROBOT, delay_ms=20)`.
 
+    Every field may also be a range (low, high): each table draws its own camera for each episode then, evenly between
+    the two. If a range is as wide as one value, it is that value.
+
     Raises:
         ValueError: a field is not a finite number or is out of range. The message names the field, what was given
             and what is allowed.
     """
 
-    camera_hz: float | None = None
+    camera_hz: Number | None = None
     """Frames per second, 1 to 1000; None: one per control step. The first is taken at the start of an episode. Below
     the control rate, the last values are kept in between; above it, frames are also taken between control steps."""
-    delay_ms: float = 0.0
+    delay_ms: Number = 0.0
     """Time from taking a frame until the player has its result, 0 to 1000 ms."""
-    jitter_ms: float = 0.0
+    jitter_ms: Number = 0.0
     """0 to `delay_ms`: the delay of each frame is uniform in `delay_ms` ± `jitter_ms`. Frames stay in order: one that
-    would overtake another arrives together with it."""
-    noise_mm: float = 0.0
+    would overtake another arrives together with it. If one of the two is drawn, a jitter that is greater than the delay
+    is as great as the delay."""
+    noise_mm: Number = 0.0
     """Standard deviation of the Gaussian noise on the puck's x and y in each frame, 0 to 100 mm."""
-    opponent_noise_mm: float = 0.0
+    opponent_noise_mm: Number = 0.0
     """Standard deviation of the Gaussian noise on the x and y of the opponent's paddle in each frame, 0 to 100 mm."""
-    velocity_frames: int | None = None
+    velocity_frames: int | tuple[int, int] | None = None
     """Number of frames from which velocities are estimated, 2 to 64: the slope of the least-squares line through the
     positions that were seen last, over the times of their frames. With 2 it is the finite difference; more frames
     reduce the noise and add delay. None: the true velocities at the time of the frame."""
-    dropout: float = 0.0
+    dropout: Number = 0.0
     """Probability, 0 to 1, that a frame is lost; the last values are kept."""
-    occlusion_mm: float = 0.0
+    occlusion_mm: Number = 0.0
     """0 to 1000 mm: the puck is hidden, and its last values are kept, while the gap between its rim and the rim of the
     opponent's paddle is smaller than this."""
 
     def __post_init__(self) -> None:
         if self.camera_hz is not None:
-            self._set("camera_hz", check_number("camera_hz", self.camera_hz, 1, 1000, also="None"))
+            self._set("camera_hz", check_number_or_range("camera_hz", self.camera_hz, 1, 1000, also="None"))
         for name, most in (
             ("delay_ms", 1000),
             ("jitter_ms", 1000),
@@ -55,18 +62,28 @@ class Camera:
             ("dropout", 1),
             ("occlusion_mm", 1000),
         ):
-            self._set(name, check_number(name, getattr(self, name), 0, most))
-        if self.jitter_ms > self.delay_ms:
+            self._set(name, check_number_or_range(name, getattr(self, name), 0, most))
+        delay, jitter = self.delay_ms, self.jitter_ms
+        if not (isinstance(delay, tuple) or isinstance(jitter, tuple)) and jitter > delay:
             raise fault("jitter_ms", f"a number from 0 to delay_ms, which is {self.delay_ms}", self.jitter_ms)
         if self.velocity_frames is not None:
-            self._set("velocity_frames", check_whole("velocity_frames", self.velocity_frames, 2, 64, also="None"))
+            frames = check_whole_or_range("velocity_frames", self.velocity_frames, 2, 64, also="None")
+            self._set("velocity_frames", frames)
 
-    def _set(self, name: str, value: float) -> None:
+    def _set(self, name: str, value: Any) -> None:
         object.__setattr__(self, name, value)
 
     def fields(self) -> dict[str, Any]:
         """The fields by name: the arguments that make this camera."""
         return dataclasses.asdict(self)
+
+    def ends(self) -> dict[str, tuple[Any, Any]]:
+        """The least and the greatest value of every field, which are the same where it is not drawn."""
+        return {name: value if isinstance(value, tuple) else (value, value) for name, value in self.fields().items()}
+
+
+FIELDS = tuple(field.name for field in dataclasses.fields(Camera))
+"""The fields of a `Camera`, in their order."""
 
 
 def resolve_camera(camera: str | Camera | Mapping[str, Any]) -> Camera:
@@ -81,8 +98,8 @@ def resolve_camera(camera: str | Camera | Mapping[str, Any]) -> Camera:
         return CAMERAS[camera]
     if isinstance(camera, Mapping):
         for name in camera:
-            if name not in Camera.__dataclass_fields__:
-                raise fault("camera", f"a mapping whose keys are among {tuple(Camera.__dataclass_fields__)}", name)
+            if name not in FIELDS:
+                raise fault("camera", f"a mapping whose keys are among {FIELDS}", name)
         return Camera(**camera)
     raise fault("camera", f"None, one of {tuple(CAMERAS)}, a Camera or a mapping of its fields", camera)
 
@@ -111,5 +128,33 @@ ROBOT = Camera(
   values, not measured ones.
 """
 
-CAMERAS = {"robot": ROBOT}
-"""Cameras by name."""
+SLOW = dataclasses.replace(ROBOT, camera_hz=60, delay_ms=25, noise_mm=3, opponent_noise_mm=3)
+"""A camera at the slow end of what robots have: 60 frames per second as JJRobots has it, late by 25 ms, with 3 mm of
+noise. The latter two are plausible for a cheap webcam, not measured; everything else is as `ROBOT` has it."""
+
+ROBOTS = Camera(
+    camera_hz=(60, 200),
+    delay_ms=(5, 30),
+    jitter_ms=(0, 3),
+    noise_mm=(0.3, 3),
+    opponent_noise_mm=(0.3, 3),
+    velocity_frames=(2, 6),
+    dropout=(0, 0.03),
+    occlusion_mm=(0, 30),
+)
+"""Cameras that cover those of robots: one is drawn for each table and episode. `ROBOT` and `SLOW` are among them.
+
+Measured limits, with the sources that `ROBOT` names:
+
+* 60 Hz (JJRobots) to 200 Hz (misprit7).
+* From 5 ms: misprit7 measured at least 5.1 ms from light to program.
+* From 0.3 mm: misprit7 has 0.35 mm.
+* Velocities from up to 6 frames (misprit7).
+
+Our choice, for want of published limits: up to 30 ms, about three times the greatest delay that misprit7 measured; up
+to 3 mm, three times the mean error of the UBC robot; from 2 frames, the fewest that give a velocity; jitter up to 3 ms,
+twice that of `ROBOT`; up to 3 % lost frames; and hidden up to 30 mm from the opponent's paddle.
+"""
+
+CAMERAS = {"robot": ROBOT, "slow": SLOW, "robots": ROBOTS}
+"""Cameras by name; `"robots"` is drawn anew for each table and episode."""

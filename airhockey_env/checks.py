@@ -22,6 +22,8 @@ from airhockey_env.actions import DIRECTIONS
 NO_LIMIT = -1
 """`max_episode_steps` of episodes that are never truncated, as in `gymnasium.make`."""
 
+MOST_DELAY = 1000
+"""ms by which actions may be late."""
 MOST_STACK = 64
 """Observations that a player can be shown at once."""
 
@@ -162,6 +164,28 @@ def check_pair(name: str, value: Any, also: str = "") -> NDArray[np.float64]:
     return pair.copy()
 
 
+def check_number_or_range(name: str, value: Any, low: float, high: float, also: str = "") -> Any:
+    """A number from `low` to `high`, or a range of them (least, greatest), to draw from; `also` as for `check_number`.
+
+    Returns:
+        A float, or a tuple of two that differ.
+    """
+    return _number_or_range(name, value, low, high, as_float, f"{_or(also)}a number from {low} to {high}")
+
+
+def check_whole_or_range(name: str, value: Any, low: int, high: int, also: str = "") -> Any:
+    """The same of whole numbers, as ints."""
+    return _number_or_range(name, value, low, high, as_whole, f"{_or(also)}a whole number from {low} to {high}")
+
+
+def _number_or_range(name: str, value: Any, low: float, high: float, read: Any, allowed: str) -> Any:
+    is_range = isinstance(value, (list, tuple, np.ndarray)) and np.shape(value) == (2,)
+    ends = [read(end) for end in (value if is_range else (value, value))]
+    if None in ends or not low <= ends[0] <= ends[1] <= high:
+        raise fault(name, f"{allowed}, or a range (low, high) of them", value)
+    return ends[0] if ends[0] == ends[1] else tuple(ends)
+
+
 def check_whole_pair(name: str, value: Any, least: int, most: float = math.inf) -> tuple[int, int]:
     """Two whole numbers from `least` to `most`."""
     try:
@@ -215,6 +239,11 @@ def check_limit(steps: Any, registered: int, name: str = "max_episode_steps") ->
 def check_stack(name: str, stack: Any) -> int:
     """How many observations a player is shown at once."""
     return check_whole(name, stack, 1, MOST_STACK)
+
+
+def check_action_delay(name: str, delay: Any) -> Any:
+    """A delay of actions, ms, as a float, or a range of delays as a tuple."""
+    return check_number_or_range(name, delay, 0, MOST_DELAY)
 
 
 def check_seed(seed: Any) -> int:

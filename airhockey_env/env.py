@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from airhockey_env._base import TableEnv
 from airhockey_env.cameras import Camera
-from airhockey_env.checks import NO_LIMIT, check_number, check_seed, check_stack
+from airhockey_env.checks import NO_LIMIT, check_action_delay, check_number, check_seed, check_stack
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT, RIGHT
 from airhockey_env.opponents.players import Player, resolve_players
@@ -49,6 +49,10 @@ class AirHockeyEnv(TableEnv, gym.Env):
 
     With `continuous=False`, `Discrete(9)`: 0 stays, 1 to 8 are full speed straight ahead and then in steps of 45
     degrees counter-clockwise.
+
+    With `action_delay_ms`, the paddle obeys each action late. A delay may end within a control step: after k + f steps,
+    k whole and 0 <= f < 1, the target velocity in a step is f times that of k + 1 steps ago plus 1 - f times that of k
+    steps ago, its mean over the step. Before the episode's first action it is 0.
 
     ## Observation space
     `Box(-1, 1, (13,), float32)`, in range by construction, from the player's own side (own goal at -x):
@@ -154,8 +158,9 @@ class AirHockeyEnv(TableEnv, gym.Env):
     | `reward` | `"sparse"` or `"shaped"` | `"sparse"` |
     | `control_hz` | 10 to 240: control steps per second | 50 |
     | `randomize` | None, `"tables"` (ranges that contain the tables people have measured), or a mapping from `TableSpec` fields to (low, high), to draw from for every episode | None |
-    | `camera` | None for exact states; `"robot"`, a `Camera` or a mapping of its fields: you see the puck and the opponent's paddle late and with noise, but your own paddle and the clock exactly; opponents see exact states; see `airhockey_env.cameras` | None |
+    | `camera` | None for exact states; `"robot"`, `"slow"`, `"robots"`, a `Camera` or a mapping of its fields, of which each is a number or a range (low, high) to draw from for every episode: you see the puck and the opponent's paddle late and with noise, but your own paddle and the clock exactly; opponents see exact states; see `airhockey_env.cameras` | None |
     | `stack` | 1 to 64: how many of the last observations an observation consists of, see above | 1 |
+    | `action_delay_ms` | 0 to 1000 ms by which your paddle obeys an action late, or a range (low, high) to draw from for every episode, see above; opponents act immediately | 0 |
     | `max_episode_steps` | steps after which an episode is truncated; None: those of the task's id, see above; -1: no limit. `gymnasium.make` puts the limit into a wrapper around the environment; the class alone has none by default | -1 |
     | `render_mode` | None, `"rgb_array"`, `"human"` | None |
     | `render_size` | (width, height) px or None | None |
@@ -184,6 +189,7 @@ class AirHockeyEnv(TableEnv, gym.Env):
         randomize: str | Mapping[str, tuple[float, float]] | None = None,
         camera: str | Camera | Mapping[str, Any] | None = None,
         stack: int = 1,
+        action_delay_ms: float | Sequence[float] = 0,
         max_episode_steps: int | None = NO_LIMIT,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
@@ -201,6 +207,7 @@ class AirHockeyEnv(TableEnv, gym.Env):
             randomize=resolve_randomize(randomize),
             camera=(camera, None),
             left_stack=check_stack("stack", stack),
+            left_action_delay_ms=check_action_delay("action_delay_ms", action_delay_ms),
             max_episode_steps=max_episode_steps,
             autoreset_mode=AutoresetMode.DISABLED,
             num_threads=1,

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from airhockey_env.cameras import Camera, resolve_camera
 from airhockey_env.checks import (
     NO_LIMIT,
+    check_action_delay,
     check_choice,
     check_directions,
     check_limit,
@@ -112,6 +113,9 @@ class Game:
             its fields, for each of the two; or a pair (left, right) of these. Scripted players look at exact states.
         left_stack, right_stack: how many observations, 1 to 64, `observations` gives of the player in that seat: with
             more than 1 each one with the action that led to it, (N, stack, 15), from the oldest on.
+        left_action_delay_ms, right_action_delay_ms: 0 to 1000 ms by which the paddle obeys an action of the caller or
+            of a policy in that seat late; or a range (low, high), from which each table draws for each episode.
+            Scripted players, who look at exact states, act immediately.
         autoreset_mode: when the next episode of a table begins: an `AutoresetMode` of Gymnasium, or its value. With
             `DISABLED`, `reset` the tables that are done.
         max_episode_steps: steps after which an episode is truncated; None: those of the task's id; -1: no limit.
@@ -148,6 +152,8 @@ class Game:
         camera: CameraLike | Sequence[CameraLike | None] | None = None,
         left_stack: int = 1,
         right_stack: int = 1,
+        left_action_delay_ms: float | Sequence[float] = 0,
+        right_action_delay_ms: float | Sequence[float] = 0,
         points: int | None = None,
         max_episode_steps: int | None = NO_LIMIT,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
@@ -178,6 +184,10 @@ class Game:
         self.settings["randomized"] = bool(self.randomized)
         cameras = _pair_of_cameras(camera)
         self.stacks = check_stack("left_stack", left_stack), check_stack("right_stack", right_stack)
+        self._action_delays = (
+            check_action_delay("left_action_delay_ms", left_action_delay_ms),
+            check_action_delay("right_action_delay_ms", right_action_delay_ms),
+        )
 
         self.states = records(n, STATE)
         self.states["skill"][:, LEFT] = check_skill(left_skill, n, "left_skill")
@@ -191,6 +201,8 @@ class Game:
         self._all_rows = np.arange(n)
         self._needs: tuple[Needs, Needs] | None = None  # those of the two pools that were last seen to
         self._parts: list[Part] = []  # of both players' interfaces
+        self._delayed = False  # whether one of them delays actions
+        self._sent = self._no_actions, self._no_actions  # the actions of the last step
         self._see_to_needs()
         self.begun = False
         self.seeded = False
@@ -438,10 +450,17 @@ class Game:
             left_actions = left.actions()
         if right.asks:
             right_actions = right.actions()
+        self._sent = left_actions, right_actions
         if n < 2 * ROWS_PER_THREAD:
             self._step_rows(0, n, left_actions, right_actions)
         else:
             self._threads.share(n, ROWS_PER_THREAD, self._step_rows, left_actions, right_actions)
+
+    def played_actions(self, seat: int) -> NDArray[np.float32]:
+        """The target velocities (N, 2) that reached a seat's paddles in the last step, where the caller or a policy
+        plays: what they sent, after the delay of actions."""
+        delay = self.interfaces[seat].delay
+        return self._sent[seat] if delay is None else delay.arrays.played
 
     def as_observations(
         self, observations: NDArray[np.float32], rows: NDArray[np.int64] | None = None, final: bool = False
@@ -534,7 +553,10 @@ class Game:
         return Pool(name, seat, members, self.states, self._drivers, self.interfaces[seat], self._threads)
 
     def _make_interfaces(self, cameras: Sequence[Camera | None]) -> tuple[PlayerInterface, PlayerInterface]:
-        left, right = (PlayerInterface(seat, self._tables, self.control_hz, cameras[seat]) for seat in SEATS)
+        left, right = (
+            PlayerInterface(seat, self._tables, self.control_hz, cameras[seat], self._action_delays[seat])
+            for seat in SEATS
+        )
         return left, right
 
     def _see_to_needs(self) -> None:
@@ -546,7 +568,7 @@ class Game:
         stacks = [max(self.stacks[seat], needs[seat].stack) for seat in SEATS]
         before = self.settings["observed"][0].tolist()
         # Cameras and histories look on whoever plays: a policy that comes into the pool knows what it would know.
-        observed = [needs[seat].observes or stacks[seat] > 1 or bool(self.interfaces[seat].parts) for seat in SEATS]
+        observed = [needs[seat].observes or stacks[seat] > 1 or self.interfaces[seat].looks_on for seat in SEATS]
         self.settings["observed"] = observed
         if any(observed[seat] > before[seat] for seat in SEATS):
             begun = np.flatnonzero(self.states["side"])
@@ -555,6 +577,7 @@ class Game:
         for seat in SEATS:
             self.interfaces[seat].remember(stacks[seat])
         self._parts = [part for interface in self.interfaces for part in interface.parts]
+        self._delayed = any(interface.delay is not None for interface in self.interfaces)
 
     def _step_rows(self, first: int, last: int, left: NDArray[np.float32], right: NDArray[np.float32]) -> None:
         fixed = (self.states, self.parameters, self.settings, self.ranges, self._drivers)
@@ -562,7 +585,11 @@ class Game:
             _step_code.append(
                 machine_code(step_rows, first, last, *fixed, self._no_actions, self._no_actions, self.out)
             )
-        _step_code[0](first, last, *fixed, left, right, self.out)
+        left_played, right_played = left, right
+        if self._delayed:
+            left_played = self.interfaces[LEFT].act(first, last, left)
+            right_played = self.interfaces[RIGHT].act(first, last, right)
+        _step_code[0](first, last, *fixed, left_played, right_played, self.out)
         for part in self._parts:
             part.follow(first, last, right if part.seat else left)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from airhockey_env._base import TableEnv
 from airhockey_env.cameras import Camera
-from airhockey_env.checks import check_choice, check_limit, check_seed, check_stack
+from airhockey_env.checks import check_action_delay, check_choice, check_limit, check_seed, check_stack
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT, RIGHT
 from airhockey_env.spaces import action_space, observation_space
@@ -104,6 +104,7 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
     | `randomize` | None, `"tables"`, or a mapping from `TableSpec` fields to (low, high), drawn per episode | None |
     | `camera` | as in `AirHockeyEnv`, for both agents, or a pair (left, right) | None |
     | `stack` | 1 to 64: as in `AirHockeyEnv`, for both agents | 1 |
+    | `action_delay_ms` | as in `AirHockeyEnv`, for both agents; each draws its own from a range | 0 |
     | `max_episode_steps` | steps that truncate an episode; None: 1500, in a match 15000; -1: no limit | None |
     | `render_mode` | None, `"rgb_array"`, `"human"` | None |
     | `render_size` | (width, height) px or None | None |
@@ -136,6 +137,7 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
         randomize: str | Mapping[str, tuple[float, float]] | None = None,
         camera: str | Camera | Mapping[str, Any] | Sequence[Any] | None = None,
         stack: int = 1,
+        action_delay_ms: float | Sequence[float] = 0,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
@@ -155,6 +157,8 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
             camera=camera,
             left_stack=check_stack("stack", stack),
             right_stack=stack,
+            left_action_delay_ms=check_action_delay("action_delay_ms", action_delay_ms),
+            right_action_delay_ms=action_delay_ms,
             max_episode_steps=max_episode_steps,
             autoreset_mode=AutoresetMode.DISABLED,
             num_threads=1,

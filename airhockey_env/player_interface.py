@@ -1,4 +1,4 @@
-"""What stands between a player and the table: a camera, and a history of what the player has seen and done.
+"""What stands between a player and the table: a delay of its actions, a camera, and a history of what it saw and did.
 
 A `PlayerInterface` is all that for the player of one seat, on all tables of a game. It consists of parts, each of which
 does its share of what happens to a game: an episode begins, a step is played, a state is saved or put back.
@@ -13,10 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airhockey_env.cameras import Camera
+from airhockey_env.kernel.action_delay import begin_delays, delay_actions, follow_delays, make_delay
 from airhockey_env.kernel.camera import (
     ARRIVES,
     CAMERA_STATE,
     MOMENT,
+    VELOCITY_FRAMES,
+    derive_rows,
     follow_rows,
     make_camera,
     show_rows,
@@ -39,6 +42,11 @@ class Tables(NamedTuple):
     settings: NDArray[np.void]  # (1,) SETTINGS
     drivers: NDArray[np.int8]  # (2, N): who drives each paddle
     out: Outputs
+
+
+def _stream(seed: int, number: int) -> np.uint64:
+    """The state of a random stream of a table's own, besides the one that the game has for this seed."""
+    return np.random.SeedSequence(seed, spawn_key=(number,)).generate_state(1, np.uint64)[0]
 
 
 class Part:
@@ -83,6 +91,45 @@ class Part:
         return True
 
 
+class DelayPart(Part):
+    """A delay of the player's actions."""
+
+    what = "delay of actions"
+
+    def __init__(
+        self, seat: int, tables: Tables, delay_ms: tuple[float, float], num_tables: int, control_hz: float
+    ) -> None:
+        super().__init__(seat, tables)
+        self.arrays = make_delay(*delay_ms, num_tables, control_hz)
+
+    def kept(self) -> dict[str, NDArray[Any]]:
+        return {"action_delay": self.arrays.states, "sent_actions": self.arrays.sent}
+
+    def seed(self, i: int, seed: int) -> None:
+        self.arrays.states["stream"][i] = _stream(seed, 3 + self.seat)
+
+    def act(self, first: int, last: int, actions: NDArray[np.float32]) -> NDArray[np.float32]:
+        """What the paddles on the tables `first` to `last` (excluded) obey in the coming step, (N, 2)."""
+        delay_actions(first, last, self._tables.drivers[self.seat], actions, self.arrays)
+        return self.arrays.played
+
+    def start(self, rows: NDArray[np.int64]) -> None:
+        begin_delays(rows, self.arrays)
+
+    def follow(self, first: int, last: int, actions: NDArray[np.float32]) -> None:
+        follow_delays(first, last, self._tables.out.began, self.arrays)
+
+    def could_be(
+        self, saved: Mapping[str, NDArray[Any]], states: NDArray[np.void], parameters: NDArray[np.void]
+    ) -> bool:
+        state, sent, (low, high) = saved["action_delay"], saved["sent_actions"], self.arrays.range
+        return bool(
+            ((state["steps"] >= low) & (state["steps"] <= high)).all()
+            and ((state["next"] >= 0) & (state["next"] < sent.shape[1])).all()
+            and (np.abs(sent) <= 1.0).all()
+        )
+
+
 class CameraPart(Part):
     """A camera, which shows the player the opponent's paddle and the puck."""
 
@@ -93,12 +140,12 @@ class CameraPart(Part):
         self.arrays = make_camera(camera, num_tables, control_hz)
 
     def kept(self) -> dict[str, NDArray[Any]]:
-        _, states, queue, past = self.arrays
-        return {"camera": states, "camera_queue": queue, "camera_past": past}
+        camera, ranges, states, queue, past = self.arrays
+        kept = {"camera": states, "camera_queue": queue, "camera_past": past}
+        return {**kept, "camera_drawn": camera} if len(ranges) else kept
 
     def seed(self, i: int, seed: int) -> None:
-        key = np.random.SeedSequence(seed, spawn_key=(1 + self.seat,))
-        self.arrays.states["stream"][i] = key.generate_state(1, np.uint64)[0]
+        self.arrays.states["stream"][i] = _stream(seed, 1 + self.seat)
 
     def start(self, rows: NDArray[np.int64]) -> None:
         start_rows(rows, self.seat, self._tables.parameters, self.arrays, self._tables.out)
@@ -112,20 +159,21 @@ class CameraPart(Part):
     def could_be(
         self, saved: Mapping[str, NDArray[Any]], states: NDArray[np.void], parameters: NDArray[np.void]
     ) -> bool:
-        state, queue, past = saved["camera"], saved["camera_queue"], saved["camera_past"]
-        camera = self.arrays.camera[0]
-        length, frames = queue.shape[1], past.shape[2]
+        arrays, state = self.arrays, saved["camera"]
+        queue, past, camera = saved["camera_queue"], saved["camera_past"], saved.get("camera_drawn", arrays.camera)
         begun = states["side"] != 0
         due = np.floor((state["step"] + MOMENT) * camera["camera_hz"] / camera["control_hz"]) + 1
         latest = state["step"] + camera["delay"] + camera["jitter"] + 2.0 * MOMENT  # that a frame so far can arrive
+        frames = np.maximum(camera["frames"], 1)[:, np.newaxis]
         per_disc = [
             [parameters[name] for name in ("per_x", "per_y", speed, speed)] for speed in ("per_paddle", "per_puck")
         ]
         scale = np.moveaxis(np.array(per_disc), -1, 0)
         return bool(
-            all(np.isfinite(array).all() for array in (*(state[name] for name in _CAMERA_FLOATS), queue, past))
-            and ((state["first"] >= 0) & (state["first"] < length)).all()
-            and ((state["waiting"] >= 0) & (state["waiting"] <= length)).all()
+            self._could_be_drawn(camera)
+            and all(np.isfinite(array).all() for array in (*(state[name] for name in _CAMERA_FLOATS), queue, past))
+            and ((state["first"] >= 0) & (state["first"] < queue.shape[1])).all()
+            and ((state["waiting"] >= 0) & (state["waiting"] <= queue.shape[1])).all()
             and ((state["known"] >= 0) & (state["known"] <= frames)).all()
             and ((state["next"] >= 0) & (state["next"] < frames)).all()
             and ((state["step"] == states["steps"]) | ~begun).all()
@@ -133,6 +181,17 @@ class CameraPart(Part):
             and (queue[..., ARRIVES].max(axis=1) <= latest).all()
             and ((state["scale"] == scale).all(axis=(1, 2)) | ~begun).all()
         )
+
+    def _could_be_drawn(self, camera: NDArray[np.void]) -> bool:
+        """Whether these are cameras that episodes draw: in the ranges, and with all else following from that."""
+        ranges = self.arrays.ranges
+        derived = camera.copy()
+        if len(ranges):
+            derived["control_hz"] = self.arrays.camera["control_hz"][0]
+            derived["spec"] = np.clip(camera["spec"], ranges[:, 0], ranges[:, 1])
+            derived["spec"][:, VELOCITY_FRAMES] = np.floor(derived["spec"][:, VELOCITY_FRAMES])
+            derive_rows(derived)
+        return bool(np.isfinite(camera["spec"]).all()) and derived.tobytes() == camera.tobytes()
 
 
 class HistoryPart(Part):
@@ -183,21 +242,44 @@ class PlayerInterface:
         tables: of the game.
         control_hz: control steps a second.
         camera: what the player sees the game through; None for exact states.
+        action_delay_ms: the delay of its actions, or the range (low, high) that it is drawn from.
 
     Attributes:
-        camera, history: the parts, None where there is none.
+        delay, camera, history: the parts, None where there is none.
         parts: those that there are, in the order in which they follow a step.
     """
 
-    def __init__(self, seat: int, tables: Tables, control_hz: float, camera: Camera | None) -> None:
+    def __init__(
+        self,
+        seat: int,
+        tables: Tables,
+        control_hz: float,
+        camera: Camera | None,
+        action_delay_ms: float | tuple[float, float],
+    ) -> None:
         self._seat, self._tables = seat, tables
         n = tables.drivers.shape[1]
+        ends = action_delay_ms if isinstance(action_delay_ms, tuple) else (action_delay_ms, action_delay_ms)
+        self.delay = DelayPart(seat, tables, ends, n, control_hz) if ends[1] > 0.0 else None
         self.camera = None if camera is None else CameraPart(seat, tables, camera, n, control_hz)
         self.history: HistoryPart | None = None
         self._gather()
 
     def _gather(self) -> None:
-        self.parts = tuple(part for part in (self.camera, self.history) if part is not None)
+        self.parts = tuple(part for part in (self.delay, self.camera, self.history) if part is not None)
+
+    @property
+    def looks_on(self) -> bool:
+        """Whether a part follows what there is to see, whoever plays."""
+        return self.camera is not None or self.history is not None
+
+    def act(self, first: int, last: int, actions: NDArray[np.float32]) -> NDArray[np.float32]:
+        """What the paddles on the tables `first` to `last` (excluded) obey in the coming step, (N, 2).
+
+        Args:
+            actions: (N, 2) what the caller or a policy sends.
+        """
+        return actions if self.delay is None else self.delay.act(first, last, actions)
 
     @property
     def rows(self) -> int:

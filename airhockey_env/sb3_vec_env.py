@@ -14,7 +14,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env._base import BatchEnv
 from airhockey_env.cameras import Camera
-from airhockey_env.checks import as_whole, check_choice, check_seed, check_skill, check_stack, check_whole, shown
+from airhockey_env.checks import (
+    as_whole,
+    check_action_delay,
+    check_choice,
+    check_seed,
+    check_skill,
+    check_stack,
+    check_whole,
+    shown,
+)
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT
 from airhockey_env.opponents.players import Player, resolve_players
@@ -51,9 +60,9 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
         num_threads: threads that share a large batch; None takes all cores. The results do not depend on it.
         render_mode: None or `"rgb_array"`.
         task, opponent, opponent_skill, table, obs_type, continuous, reward, control_hz, randomize, camera, stack,
-            render_size: as in `AirHockeyEnv`. `opponent` may also be a sequence, a pool whose members share the tables
-            and that can be changed while playing: see `pool`. `opponent_skill` may also be an array, one for each
-            table.
+            action_delay_ms, render_size: as in `AirHockeyEnv`. `opponent` may also be a sequence, a pool whose members
+            share the tables and that can be changed while playing: see `pool`. `opponent_skill` may also be an array,
+            one for each table.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012
@@ -75,6 +84,7 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
         randomize: str | Mapping[str, tuple[float, float]] | None = None,
         camera: str | Camera | Mapping[str, Any] | None = None,
         stack: int = 1,
+        action_delay_ms: float | Sequence[float] = 0,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
     ) -> None:
@@ -92,6 +102,7 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
             randomize=resolve_randomize(randomize),
             camera=(camera, None),
             left_stack=check_stack("stack", stack),
+            left_action_delay_ms=check_action_delay("action_delay_ms", action_delay_ms),
             max_episode_steps=max_episode_steps,
             autoreset_mode=AutoresetMode.SAME_STEP,
             num_threads=num_threads,

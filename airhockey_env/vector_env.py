@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env._base import BatchEnv, warn_of_no_render_mode
 from airhockey_env.cameras import Camera
-from airhockey_env.checks import check_skill, check_stack, check_whole
+from airhockey_env.checks import check_action_delay, check_skill, check_stack, check_whole
 from airhockey_env.final_observations import FinalObservations
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT
@@ -40,9 +40,9 @@ class AirHockeyVectorEnv(BatchEnv, VectorEnv):
             `"rgb_array_list"`, with which it returns a tuple of lists, the pictures of each table's episode since the
             last call, as with Gymnasium's `RenderCollection`.
         task, opponent, opponent_skill, table, obs_type, continuous, reward, control_hz, randomize, camera, stack,
-            render_size: as in `AirHockeyEnv`. A callable opponent is asked once a step, for all tables. `opponent` may
-            also be a sequence, a pool whose members share the tables and that can be changed while playing: see `pool`.
-            `opponent_skill` may also be an array, one for each table.
+            action_delay_ms, render_size: as in `AirHockeyEnv`. A callable opponent is asked once a step, for all
+            tables. `opponent` may also be a sequence, a pool whose members share the tables and that can be changed
+            while playing: see `pool`. `opponent_skill` may also be an array, one for each table.
 
     Infos have Gymnasium's vector form: `score` (num_envs, 2), `foul` and `is_success` (num_envs,), and with `randomize`
     `table`, each with its mask; with `SAME_STEP` also `final_obs` and `final_info`. The contacts of the last step are
@@ -75,6 +75,7 @@ class AirHockeyVectorEnv(BatchEnv, VectorEnv):
         randomize: str | Mapping[str, tuple[float, float]] | None = None,
         camera: str | Camera | Mapping[str, Any] | None = None,
         stack: int = 1,
+        action_delay_ms: float | Sequence[float] = 0,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
     ) -> None:
@@ -92,6 +93,7 @@ class AirHockeyVectorEnv(BatchEnv, VectorEnv):
             randomize=resolve_randomize(randomize),
             camera=(camera, None),
             left_stack=check_stack("stack", stack),
+            left_action_delay_ms=check_action_delay("action_delay_ms", action_delay_ms),
             max_episode_steps=max_episode_steps,
             autoreset_mode=autoreset_mode,
             num_threads=num_threads,

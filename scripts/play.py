@@ -72,7 +72,14 @@ def play(args: PlayArgs) -> None:
     opponent = in_one_game(load_player(args.opponent, "--opponent", trust=args.trust))
     conditions = Conditions.of_options(args).drawn()
     print("Getting ready; the first time takes a while.", flush=True)
-    match = LiveMatch(opponent, skill=args.skill, table=conditions.table, camera=conditions.camera, points=args.points)
+    match = LiveMatch(
+        opponent,
+        skill=args.skill,
+        table=conditions.table,
+        camera=conditions.camera,
+        action_delay_ms=conditions.action_delay_ms,
+        points=args.points,
+    )
     join(match.game, opponent)
     try:
         screen = MatchWindow(match, name_of(args.opponent), size=args.size, fps=args.fps, sound=args.sound)

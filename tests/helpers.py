@@ -53,6 +53,18 @@ HEAVY = Camera(
 )
 """A camera that does all that cameras do, at a rate that is not the control rate's."""
 
+DRAWN = Camera(
+    camera_hz=(20, 90),
+    delay_ms=(0, 50),
+    jitter_ms=(0, 60),
+    noise_mm=(0, 10),
+    opponent_noise_mm=(1, 2),
+    velocity_frames=(2, 9),
+    dropout=(0.1, 0.3),
+    occlusion_mm=(0, 300),
+)
+"""A camera that is another one in every episode of every table, in every respect."""
+
 Call = Callable[..., str]
 """The fixture `call`: from a command's name and arguments to what it prints; `fails=True` where it must fail."""
 

@@ -33,8 +33,8 @@ def held_out_cameras() -> dict[str, Camera]:
 def held_out_conditions() -> dict[str, Conditions]:
     """Every held-out table through the camera `ROBOT`, and every held-out camera on the full-size table, by name."""
     return {
-        **{name: Conditions(table, camera=ROBOT.fields()) for name, table in held_out_tables().items()},
-        **{name: Conditions(camera=camera.fields()) for name, camera in held_out_cameras().items()},
+        **{name: Conditions(table, camera=ROBOT) for name, table in held_out_tables().items()},
+        **{name: Conditions(camera=camera) for name, camera in held_out_cameras().items()},
     }
 
 

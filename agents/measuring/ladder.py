@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from agents.conditions import EXACT, Conditions
 from agents.measuring.evaluation import OPPONENTS, Result, play_points
-from agents.models import Player, load_player, short_name
+from agents.models import Player, load_players
 
 ELO = 400.0 / math.log(10.0)
 """Elo points for a factor of e in the odds: 400 points are odds of 10 to 1 (A. E. Elo, The Rating of Chessplayers)."""
@@ -66,23 +66,17 @@ def find_players(models: Sequence[str], only: bool = False, trust: bool = False)
     """Load the players of a ladder, keyed by the names that tables and plots show.
 
     Args:
-        models: players as `load_player` accepts them. A file is named after the folder of its run, or after its path if
-            that is not unique.
+        models: see `load_players`.
         only: leave out the named opponents that are not among `models`.
-        trust: see `load_player`.
+        trust: see `load_players`.
 
     Raises:
-        FileNotFoundError, ValueError: see `load_player`; also if there are fewer than two players.
+        FileNotFoundError, ValueError: see `load_players`; also if there are fewer than two players.
     """
     given = list(dict.fromkeys((*(() if only else OPPONENTS), *models)))
     if len(given) < 2:
         raise ValueError(f"a ladder needs two or more different players, got {given}")
-    players = {model: load_player(model, trust=trust) for model in given}
-    short = [short_name(model) for model in given]
-    return {
-        name if short.count(name) == 1 else model: player
-        for name, (model, player) in zip(short, players.items(), strict=True)
-    }
+    return load_players(given, trust)
 
 
 def play_ladder(

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from agents.measuring.ladder import ANCHOR, ANCHOR_RATING, Match, Rating, cross_table, expected_scores
-from agents.plots import BLUE, INK, PALE, RED, new_figure, save_figure
+from agents.plots import BLUE, PALE, heat_map, new_figure, save_figure
 from agents.tables import print_table
 
 
@@ -46,8 +46,6 @@ def _fixed(names: Sequence[str]) -> str:
 
 def draw_ladder(ratings: Sequence[Rating], matches: Sequence[Match], title: str, path: Path) -> None:
     """Draw the ratings with their intervals, and the cross table beside them."""
-    from matplotlib.colors import LinearSegmentedColormap
-
     names = [rating.player for rating in ratings]
     number = len(names)
     table = max(3.0, 0.5 + 0.75 * number)  # inches: its title needs 3
@@ -69,19 +67,8 @@ def draw_ladder(ratings: Sequence[Rating], matches: Sequence[Match], title: str,
     left.spines[["top", "right", "left"]].set_visible(False)
     left.tick_params(axis="y", length=0)
 
-    scores = 100 * cross_table(names, matches)
-    colors = LinearSegmentedColormap.from_list("score", [RED, "white", BLUE])
-    right.imshow(np.ma.masked_invalid(scores), cmap=colors, vmin=0, vmax=100, aspect="auto")
-    for (i, j), score in np.ndenumerate(scores):
-        if not np.isnan(score):
-            dark = abs(score - 50) > 30
-            right.text(j, i, f"{score:.0f}", ha="center", va="center", color="white" if dark else INK)
+    heat_map(right, 100 * cross_table(names, matches))
     right.set_xticks(places, names, rotation=30, ha="right", rotation_mode="anchor")
     right.set_yticks([])
-    right.set_xticks(places[1:] - 0.5, minor=True)
-    right.set_yticks(places[1:] - 0.5, minor=True)
-    right.grid(which="minor", color="white", linewidth=2)
-    right.tick_params(which="both", length=0)
-    right.spines[:].set_visible(False)
     right.set(title="Score of the row's player, %")
     save_figure(figure, path)

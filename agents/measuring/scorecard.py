@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from agents.conditions import EXACT, Conditions
 from agents.measuring.evaluation import CONTROL_HZ, Result, TaskResult, play_points, play_task, wilson_interval
-from agents.measuring.shots import FORWARD, SHOT, Recorder, play_on
+from agents.measuring.shots import FORWARD, SHOT, Recorder, play_on, specs_in_play
 from agents.models import Player
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
+from airhockey_env.tables import FIELDS
 
 SPEEDS = (0.0, 2.0, 4.0, 6.0, 8.0, math.inf)
 """m/s. Bounds of the speed classes for saves."""
@@ -227,7 +228,7 @@ class _Watch:
         both: tuple[list[Flown], list[Flown]] = ([], [])
         for recorder, (game, own) in zip(self.recorders, self._games, strict=True):
             shots = recorder.shots
-            courses = play_on(shots, game.spec, game.control_hz)
+            courses = play_on(shots, game.control_hz)
             arrives = courses.arrives * FORWARD[shots["shooter"]]
             for flown, chosen in zip(both, (shots["shooter"] == own, shots["shooter"] != own), strict=True):
                 fields = (shots, courses.on_target, courses.bank, arrives)
@@ -297,12 +298,15 @@ class Defence:
         n = game.num_tables
         self._game = game
         self.shots = np.zeros(n, SHOT)
-        self.shots["shooter"], self.shots["start"] = RIGHT, game.states
+        specs = specs_in_play(game)
+        self.shots["shooter"], self.shots["spec"], self.shots["start"] = RIGHT, specs, game.states
         place = game.positions[:, LEFT]
-        self.courses = play_on(self.shots, game.spec, game.control_hz, line=place[:, 0])
+        self.courses = play_on(self.shots, game.control_hz, line=place[:, 0])
         away = np.nan_to_num(self.courses.passes - place[:, 1])
         self._towards = np.sign(away)
-        self.has_to_move = np.abs(away) > game.spec.paddle_radius + game.spec.puck_radius
+        radii = specs[:, [FIELDS.index("paddle_radius"), FIELDS.index("puck_radius")]]
+        self.has_to_move = np.abs(away) > radii.sum(axis=1)
+        self._reacted = REACTED * specs[:, FIELDS.index("paddle_speed")]
         self.reaction = np.full(n, np.inf)
         self._steps = 0
 
@@ -312,5 +316,5 @@ class Defence:
         self._steps += 1
         self.shots["scored"][running] = game.out.point[running] < 0
         speed = game.states["velocity"][:, LEFT, 1] * self._towards
-        set_off = running & np.isinf(self.reaction) & (speed > REACTED * game.spec.paddle_speed)
+        set_off = running & np.isinf(self.reaction) & (speed > self._reacted)
         self.reaction[set_off] = self._steps / game.control_hz

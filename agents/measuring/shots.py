@@ -12,12 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airhockey_env.game import Game
+from airhockey_env.kernel.parameters import with_specs
 from airhockey_env.kernel.state import LEFT, PUCK, RIGHT, SHOT_CLOCK, STATE
-from airhockey_env.tables import TableSpec
+from airhockey_env.tables import FIELDS
 
 SHOT = np.dtype(
     [
         ("shooter", np.int8),  # LEFT or RIGHT
+        ("spec", np.float64, (len(FIELDS),)),  # of the table, which may be drawn for every episode
         ("start", STATE),  # state at the end of the step of the shooter's last touch
         ("banked", np.bool_),  # a wall was touched between that touch and the end of the step
         ("touched", np.bool_),  # the other player touched the puck before the shot was over
@@ -136,6 +138,7 @@ class Recorder:
 
     def _begin(self, mask: NDArray[np.bool_]) -> None:
         self._live["shooter"][mask] = self._last[mask]
+        self._live["spec"][mask] = specs_in_play(self._game)[mask]
         self._live["start"][mask] = self._start[mask]
         self._live["banked"][mask] = self._start_banked[mask]
         self._live["touched"][mask] = self._live["scored"][mask] = False
@@ -168,34 +171,37 @@ class Courses:
     passes: NDArray[np.float64]  # m, y of the puck when it first crosses a line across the table; NaN if it does not
 
 
-def play_on(
-    shots: NDArray[np.void], spec: TableSpec, control_hz: float, line: NDArray[np.float64] | None = None
-) -> Courses:
+def specs_in_play(game: Game) -> NDArray[np.float64]:
+    """(N, len(FIELDS)) the fields of the tables in play."""
+    return np.broadcast_to(game.parameters["spec"], (game.num_tables, len(FIELDS)))
+
+
+def play_on(shots: NDArray[np.void], control_hz: float, line: NDArray[np.float64] | None = None) -> Courses:
     """Simulate shots without paddles until they reach the far end, come back, or seven seconds have passed.
 
     Args:
         shots: (n,) of `SHOT`.
-        spec, control_hz: those of the game in which the shots were made.
+        control_hz: of the game in which the shots were made.
         line: (n,) m, x of the line for `passes`.
     """
     n = len(shots)
     courses = Courses(np.zeros(n, np.bool_), shots["banked"].copy(), np.full(n, np.nan), np.full(n, np.nan))
     if n == 0:
         return courses
-    game = Game(
-        n,
-        table=dataclasses.replace(spec, paddle_radius=PIN),
-        left="idle",
-        right="idle",
-        control_hz=control_hz,
-    )
-    state = shots["start"].copy()
-    corner = np.array([0.5 * spec.length - PIN, 0.5 * spec.width - PIN])
+    specs = shots["spec"].copy()
+    specs[:, FIELDS.index("paddle_radius")] = PIN
+    # All of the tables are given below; that they are drawn only makes room for one table for each shot.
+    game = Game(n, randomize={"puck_mass": (1.0, 1.0)}, left="idle", right="idle", control_hz=control_hz)
+    saved = game.get_state()
+    saved["parameters"] = with_specs(game.parameters, specs)
+    saved["state"] = shots["start"]
+    state = saved["state"]
+    corner = 0.5 * specs[:, [FIELDS.index("length"), FIELDS.index("width")]] - PIN
     state["position"][:, LEFT], state["position"][:, RIGHT] = -corner, corner
     state["velocity"][:, :PUCK] = 0.0
     for name in ("member", "clock", "steps", "score", "done"):
         state[name] = 0
-    game.set_state(state)
+    game.set_state(saved)
 
     forward = FORWARD[shots["shooter"]]
     running = np.ones(n, np.bool_)

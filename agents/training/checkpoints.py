@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
+from agents.features import stack_of_shape
 from agents.files import COUNT, NUMBER, or_none, read_json, replace_together, write_json
 from agents.models import export_policy, seen_space
 from agents.sb3_files import load_weights
@@ -35,7 +36,7 @@ def save(folder: RunFolder, setup: Setup, history: History) -> None:
     """
     model = setup.model
     writes: dict[Path, Callable[[Path], object]] = {folder.model: model.save}
-    if len(seen_space(model).shape) <= 2:  # not pictures
+    if stack_of_shape(seen_space(model).shape or ()):
         writes[folder.policy] = export_policy(model).save
     if isinstance(model, OffPolicyAlgorithm) and model.replay_buffer is not None:
         writes[folder.buffer] = lambda part: save_buffer(model.replay_buffer, part)

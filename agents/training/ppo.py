@@ -92,8 +92,6 @@ class PpoArgs(TrainArgs):
     log_std_init: float = -2.5
     """Start with disturbances whose standard deviation has this logarithm. With gSDE the network makes them about ten
     times as large."""
-    stack: Count = 1
-    """Let the agent see this many of the last observations and of its own actions."""
     net_width: Count = 64
     """Give the policy and the value network two hidden layers of this many units each."""
 
@@ -109,7 +107,6 @@ def resolve(args: Args) -> Args:
         args, warmup_steps=(0, most), warmup_success=(0, 1), num_envs=(1, most), n_steps=(2, most),
         batch_size=(2, most), n_epochs=(1, most), learning_rate=(0, 1), gamma=(0, 1), gae_lambda=(0, 1),
         clip_range=(0, 10), ent_coef=(0, 10), sde_sample_freq=(0, most), log_std_init=(-20, 2), net_width=(1, most),
-        stack=(1, 64),
     )  # fmt: skip
     args = with_conditions(args)
     steps = args.steps or STEPS

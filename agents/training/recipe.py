@@ -55,6 +55,8 @@ class TrainArgs:
     randomize: RandomizeOption = None
     camera: CameraOption = None
     action_delay_ms: DelayOption = (0.0,)
+    stack: Count = 1
+    """Show the agent this many of its last observations at once, from 1 to 64, each with the action that led to it."""
     conditions: Annotated[dict[str, Any] | None, tyro.conf.Suppress] = None
     """What the four options above mean. It is no option, but config.json keeps it with them: a run that is resumed does
     not need the files again."""

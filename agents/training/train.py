@@ -23,6 +23,7 @@ from agents.training.report import draw_training
 from agents.training.runs import RunFolder
 from agents.training.stopping import Stop, StopLearning, Stopped, stopping
 from agents.video import write_video
+from airhockey_env.checks import MOST_STACK
 
 Args = TypeVar("Args", bound=TrainArgs)
 
@@ -144,7 +145,7 @@ def _resolved(args: Args) -> Args:
     most = math.inf
     check_ranges(
         args, steps=(1, most), seed=(0, 2**31 - 1), eval_every=(1, most), eval_episodes=(1, most),
-        report_episodes=(1, most), threads=(1, 1024), video_seconds=(0, 3600),
+        report_episodes=(1, most), threads=(1, 1024), video_seconds=(0, 3600), stack=(1, MOST_STACK),
     )  # fmt: skip
     args = RECIPES[type(args)].resolve(args)
     assert args.steps is not None

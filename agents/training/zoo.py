@@ -97,6 +97,11 @@ def parsed(args: ZooArgs) -> Hyperparameters:
     if args.obs_type != "state":
         hyperparameters.env_kwargs["obs_type"] = args.obs_type
     hyperparameters.env_kwargs.update(conditions_of(args).env_arguments())
+    if args.stack > 1 and hyperparameters.env_kwargs.get("obs_type") == "rgb":
+        raise ValueError(f"--stack must be 1 for rgb pictures, which have channels already, got {args.stack}")
+    if args.stack > 1:
+        hyperparameters.env_kwargs["stack"] = args.stack
+        return dataclasses.replace(hyperparameters, frame_stack=None)
     return hyperparameters
 
 
@@ -143,7 +148,7 @@ def make_env(env_id: str, hyperparameters: Hyperparameters, num_envs: int | None
     except TypeError as error:
         raise ValueError(f"hyperparameters do not fit {env_id}: {error}") from error
     env: VecEnv = VecMonitor(tables)
-    if env.observation_space.dtype == np.uint8:
+    if env.observation_space.dtype == np.uint8 and hyperparameters.env_kwargs.get("stack", 1) == 1:
         env = VecTransposeImage(env)  # Stable-Baselines3 would do it last, and stack far slower along the last axis
     return VecFrameStack(env, hyperparameters.frame_stack) if hyperparameters.frame_stack else env
 

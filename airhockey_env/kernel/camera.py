@@ -12,15 +12,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from airhockey_env.cameras import Camera
+from airhockey_env.cameras import FIELDS, Camera
 from airhockey_env.compiled import compiled, inlined, records
+from airhockey_env.kernel.normal import draw_normal
 from airhockey_env.kernel.observations import OTHER_PADDLE
 from airhockey_env.kernel.parameters import params_of
-from airhockey_env.kernel.random_stream import draw
+from airhockey_env.kernel.random_stream import draw, draw_between
 from airhockey_env.kernel.state import PUCK, RIGHT
+
+(CAMERA_HZ, DELAY_MS, JITTER_MS, NOISE_MM, OPPONENT_NOISE_MM, VELOCITY_FRAMES, DROPOUT, OCCLUSION_MM) = range(
+    len(FIELDS)
+)
 
 CAMERA = np.dtype(
     [
+        ("spec", np.float64, (len(FIELDS),)),  # the Camera's fields in their order; all else follows from these
         ("control_hz", np.float64),
         ("camera_hz", np.float64),
         ("delay", np.float64),  # steps
@@ -28,11 +34,11 @@ CAMERA = np.dtype(
         ("noise", np.float64, (2,)),  # m: opponent's paddle, puck
         ("dropout", np.float64),
         ("occlusion", np.float64),  # m
-        ("estimates", np.bool_),  # velocities come from positions
+        ("frames", np.int64),  # from whose positions velocities are estimated; 0: they are true
     ],
     align=True,
 )
-"""A `Camera` at a control rate."""
+"""A `Camera` at a control rate. A rate of frames that is None is that of the control steps, and no estimates are 0."""
 
 CAMERA_STATE = np.dtype(
     [
@@ -69,70 +75,77 @@ MOMENT = 1e-9
 class CameraArrays(NamedTuple):
     """A player's camera: what it is, and all that it keeps of N tables."""
 
-    camera: NDArray[np.void]  # (1,) CAMERA
+    camera: NDArray[np.void]  # (1,) CAMERA, or (N,) if it is drawn for every episode
+    ranges: NDArray[np.float64]  # (len(FIELDS), 2) least and greatest values of its spec, or (0, 2) if none is drawn
     states: NDArray[np.void]  # (N,) CAMERA_STATE
     queue: NDArray[np.float64]  # (N, length, QUEUE_COLUMNS): frames on their way
     past: NDArray[np.float64]  # (N, 2, frames, 3): time, x, y that estimates are made from, a ring for each disc
 
 
-def make_camera(camera: Camera, num_tables: int, control_hz: float) -> CameraArrays:
-    """A camera over so many tables, with room for all frames that can be on their way."""
-    record = records(1, CAMERA)
-    record["control_hz"] = control_hz
-    record["camera_hz"] = control_hz if camera.camera_hz is None else camera.camera_hz
-    record["delay"] = camera.delay_ms * 1e-3 * control_hz
-    record["jitter"] = camera.jitter_ms * 1e-3 * control_hz
-    record["noise"] = camera.opponent_noise_mm * 1e-3, camera.noise_mm * 1e-3
-    record["dropout"] = camera.dropout
-    record["occlusion"] = camera.occlusion_mm * 1e-3
-    record["estimates"] = camera.velocity_frames is not None
-    per_step = float(record["camera_hz"][0]) / control_hz
-    length = math.floor((float(record["delay"][0] + record["jitter"][0]) + 1.0) * per_step) + 3
-    return CameraArrays(
-        record,
-        records(num_tables, CAMERA_STATE),
-        np.zeros((num_tables, length, QUEUE_COLUMNS)),
-        np.zeros((num_tables, DISCS, camera.velocity_frames or 1, 3)),
-    )
-
-
-def _ziggurat(layers: int = 256, edge: float = 3.6541528853610088) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Widths of the layers, all of one area, under exp(-x**2 / 2), and their heights from the bottom up.
-
-    The bottom layer holds the tail beyond `edge` too, and is as wide as its area makes it.
-    """
-    area = edge * math.exp(-0.5 * edge**2) + math.sqrt(0.5 * math.pi) * math.erfc(edge / math.sqrt(2.0))
-    widths, heights = [edge], [0.0, math.exp(-0.5 * edge**2)]
-    while len(widths) < layers - 1:
-        heights.append(heights[-1] + area / widths[-1])
-        widths.append(math.sqrt(-2.0 * math.log(heights[-1])))
-    bottom = area / heights[1]
-    return np.array([bottom, *widths, 0.0]), np.array([*heights, 1.0])
-
-
-_WIDTHS, _HEIGHTS = _ziggurat()
-_EDGE = float(_WIDTHS[1])
-_LAYERS = len(_WIDTHS) - 1
+@compiled
+def derive(camera):
+    """Work out everything in a `CAMERA` record from its `spec` and `control_hz`."""
+    spec, control_hz = camera.spec, camera.control_hz
+    camera.camera_hz = spec[CAMERA_HZ]
+    camera.delay = spec[DELAY_MS] * 1e-3 * control_hz
+    camera.jitter = min(spec[JITTER_MS], spec[DELAY_MS]) * 1e-3 * control_hz
+    camera.noise[OTHER] = spec[OPPONENT_NOISE_MM] * 1e-3
+    camera.noise[THE_PUCK] = spec[NOISE_MM] * 1e-3
+    camera.dropout = spec[DROPOUT]
+    camera.occlusion = spec[OCCLUSION_MM] * 1e-3
+    camera.frames = np.int64(spec[VELOCITY_FRAMES])
 
 
 @compiled
-def draw_normal(state):
-    """A number from the normal distribution (Marsaglia and Tsang, "The ziggurat method", 2000)."""
-    while True:
-        u = draw(state) * _LAYERS
-        layer = int(u)
-        x = (2.0 * (u - layer) - 1.0) * _WIDTHS[layer]
-        if abs(x) < _WIDTHS[layer + 1]:
-            return x
-        if layer == 0:
-            while True:  # the tail
-                a = -math.log(1.0 - draw(state)) / _EDGE
-                b = -math.log(1.0 - draw(state))
-                if 2.0 * b > a * a:
-                    return math.copysign(_EDGE + a, x)
-        y = _HEIGHTS[layer] + draw(state) * (_HEIGHTS[layer + 1] - _HEIGHTS[layer])
-        if y < math.exp(-0.5 * x * x):
-            return x
+def derive_rows(cameras):
+    """Likewise for `CAMERA` records (n,)."""
+    for i in range(cameras.shape[0]):
+        derive(cameras[i])
+
+
+@compiled
+def draw_camera(state, camera, ranges):
+    """Draw what has a range of a table's camera, from the camera's own stream.
+
+    Args:
+        ranges: (len(FIELDS), 2) least and greatest values; equal ones draw nothing.
+    """
+    for k in range(ranges.shape[0]):
+        low, high = ranges[k, 0], ranges[k, 1]
+        if low < high:
+            if k == VELOCITY_FRAMES:
+                camera.spec[k] = min(math.floor(draw_between(state, low, high + 1.0)), high)
+            else:
+                camera.spec[k] = draw_between(state, low, high)
+    derive(camera)
+
+
+@inlined
+def camera_of(cameras, i):
+    """The record of table i."""
+    return cameras.camera[i if cameras.camera.shape[0] > 1 else 0]
+
+
+def make_camera(camera: Camera, num_tables: int, control_hz: float) -> CameraArrays:
+    """A camera over so many tables, with room for all frames that can be on their way."""
+    ends = camera.ends()
+    for name, instead in (("camera_hz", control_hz), ("velocity_frames", 0)):
+        ends[name] = (instead, instead) if None in ends[name] else ends[name]
+    ranges = np.array([ends[name] for name in FIELDS], np.float64)
+    drawn = bool((ranges[:, 0] < ranges[:, 1]).any())
+    record, widest = (records(1, CAMERA) for _ in range(2))
+    for one, spec in ((record, ranges[:, 0]), (widest, ranges[:, 1])):
+        one["spec"], one["control_hz"] = spec, control_hz
+        derive_rows(one)
+    per_step = float(widest["camera_hz"][0]) / control_hz
+    length = math.floor((float(widest["delay"][0] + widest["jitter"][0]) + 1.0) * per_step) + 3
+    return CameraArrays(
+        np.repeat(record, num_tables) if drawn else record,
+        ranges if drawn else ranges[:0],
+        records(num_tables, CAMERA_STATE),
+        np.zeros((num_tables, length, QUEUE_COLUMNS)),
+        np.zeros((num_tables, DISCS, max(int(widest["frames"][0]), 1), 3)),
+    )
 
 
 @inlined
@@ -167,14 +180,14 @@ def blur(state, camera, disc, x, y):
 
 
 @inlined
-def remember(state, past, disc, time, x, y):
+def remember(state, camera, past, disc, time, x, y):
     """Note a seen position."""
     k = state.next[disc]
     past[disc, k, 0] = time
     past[disc, k, 1] = x
     past[disc, k, 2] = y
-    state.known[disc] = min(state.known[disc] + 1, past.shape[1])
-    state.next[disc] = k + 1 if k + 1 < past.shape[1] else 0
+    state.known[disc] = min(state.known[disc] + 1, camera.frames)
+    state.next[disc] = k + 1 if k + 1 < camera.frames else 0
 
 
 @inlined
@@ -240,13 +253,13 @@ def receive(state, camera, queue, past, tick):
                 continue
             for c in range(4):
                 state.seen[disc, c] = queue[k, STATES + 4 * disc + c]
-            if camera.estimates:
-                remember(state, past, disc, queue[k, TAKEN], state.seen[disc, 0], state.seen[disc, 1])
+            if camera.frames:
+                remember(state, camera, past, disc, queue[k, TAKEN], state.seen[disc, 0], state.seen[disc, 1])
             if disc == OTHER:
                 new_other = True
             else:
                 new_puck = True
-    if camera.estimates:
+    if camera.frames:
         for disc in range(DISCS):
             if new_other if disc == OTHER else new_puck:
                 state.seen[disc, 2], state.seen[disc, 3] = slope(state, past, disc, tick)
@@ -278,8 +291,10 @@ def show(state, observation):
 
 
 @compiled
-def start_episode(state, camera, queue, past, params, observation, now):
+def start_episode(state, camera, ranges, queue, past, params, observation, now):
     """Begin an episode: its first frame is seen immediately and completely, and nothing of the last episode is kept."""
+    if ranges.shape[0] > 0:
+        draw_camera(state, camera, ranges)
     queue[:] = 0.0
     past[:] = 0.0
     measure(state, camera, params)
@@ -296,8 +311,8 @@ def start_episode(state, camera, queue, past, params, observation, now):
             state.seen[disc, c] = now[4 * disc + c]
         x, y = blur(state, camera, disc, now[4 * disc], now[4 * disc + 1])
         state.seen[disc, 0], state.seen[disc, 1] = x, y
-        if camera.estimates:
-            remember(state, past, disc, 0.0, x, y)
+        if camera.frames:
+            remember(state, camera, past, disc, 0.0, x, y)
             state.seen[disc, 2], state.seen[disc, 3] = 0.0, 0.0
     show(state, observation)
 
@@ -329,9 +344,9 @@ def follow_rows(first, last, player, parameters, cameras, out):
         cameras: `CameraArrays`; changed in place.
         out: `Outputs`: the player's observations are changed in place.
     """
-    camera = cameras.camera[0]
     now = np.empty(4 * DISCS)
     for i in range(first, last):
+        camera = camera_of(cameras, i)
         state, queue, past = cameras.states[i], cameras.queue[i], cameras.past[i]
         observation = out.observation[player, i]
         if not out.began[i]:
@@ -339,18 +354,18 @@ def follow_rows(first, last, player, parameters, cameras, out):
             continue
         if out.terminated[i] or out.truncated[i]:  # the end came in the same step
             follow(state, camera, queue, past, out.final_observation[player, i], now)
-        start_episode(state, camera, queue, past, params_of(parameters, i), observation, now)
+        start_episode(state, camera, cameras.ranges, queue, past, params_of(parameters, i), observation, now)
 
 
 @compiled
 def start_rows(rows, player, parameters, cameras, out):
     """Let a player's camera begin an episode on each of the given tables, after `reset_rows`."""
-    camera = cameras.camera[0]
     now = np.empty(4 * DISCS)
     for k in range(rows.shape[0]):
         i = rows[k]
+        camera, observation = camera_of(cameras, i), out.observation[player, i]
         state, queue, past = cameras.states[i], cameras.queue[i], cameras.past[i]
-        start_episode(state, camera, queue, past, params_of(parameters, i), out.observation[player, i], now)
+        start_episode(state, camera, cameras.ranges, queue, past, params_of(parameters, i), observation, now)
 
 
 @compiled

@@ -6,12 +6,14 @@ The game steps at its own rate whatever the rate of the pictures is, and a pictu
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
+from airhockey_env.checks import check_action_delay
 from airhockey_env.game import CameraLike, Game
 from airhockey_env.kernel.history import next_history
 from airhockey_env.kernel.scripted import SCRIPTED
@@ -118,6 +120,7 @@ class LiveMatch:
         table: a preset's name or a `TableSpec`.
         camera: what the right player sees the game through, as `AirHockeyEnv` takes it; None for exact states, which
             scripted players see in any case.
+        action_delay_ms: ms by which the right player's paddle obeys late, likewise.
         points: that win the match.
         control_hz: control steps a second.
         seed: of the serves; None: drawn.
@@ -150,6 +153,7 @@ class LiveMatch:
         skill: float = 1.0,
         table: str | TableSpec = "full_size",
         camera: CameraLike | None = None,
+        action_delay_ms: float | Sequence[float] = 0,
         points: int = 7,
         control_hz: float = CONTROL_HZ,
         seed: int | None = None,
@@ -162,6 +166,7 @@ class LiveMatch:
             1,
             table=table,
             camera=(None, camera),
+            right_action_delay_ms=check_action_delay("action_delay_ms", action_delay_ms),
             left=scripted[LEFT],
             right=scripted[RIGHT],
             right_skill=skill,
@@ -305,7 +310,7 @@ class LiveMatch:
         left, right = (self._actions_of(seat) for seat in SEATS)
         game.play(left, right)
         if self._recording is not None:
-            self._recording.add(left[0], right[0])
+            self._recording.add(left[0], game.played_actions(RIGHT)[0])
         self._bends = self._contacts_of_the_step()
         self.contacts += self._bends
         for contact in self._bends:

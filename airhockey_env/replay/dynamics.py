@@ -38,7 +38,7 @@ def arguments_of(game: Game, place: int = 0) -> dict[str, Any]:
         "task": next(name for name, task in TASKS.items() if task.number == settings["task"]),
         "opponent": recorded_name(opponent),
         "table": dataclasses.asdict(game.spec),
-        "continuous": game.continuous,
+        "continuous": game.continuous or game.interfaces[LEFT].delay is not None,  # of what reaches the paddle
         "reward": REWARDS[int(settings["shaped"])],
         "control_hz": game.control_hz,
         "randomize": {name: game.ranges[FIELDS.index(name)].tolist() for name in game.randomized} or None,

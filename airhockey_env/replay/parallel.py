@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from airhockey_env.kernel.state import RIGHT
 from airhockey_env.parallel_env import AirHockeyParallelEnv  # first: it says what to install
 from airhockey_env.replay.recorder import Recorder, check_played
 
@@ -46,8 +45,7 @@ class RecordParallelReplay(Recorder, BaseParallelWrapper[str, Any, Any]):
         result = self.env.step(actions)
         after = self._state(0)
         if check_played(before, after, "RecordParallelReplay"):  # and not step({}) after the end
-            right_action = self._game.check_actions(RIGHT, actions["right"])[0]
-            self._recordings[0].add(before, self._action(actions["left"]), right_action, after)
+            self._recordings[0].add(before, self._action(0, actions["left"]), self._right_action(0), after)
             if not self.env.agents:
                 self._save_now_and_then()
         return result

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airhockey_env.game import Game
-from airhockey_env.kernel.state import RIGHT
+from airhockey_env.kernel.state import LEFT, RIGHT
 from airhockey_env.replay.dynamics import arguments_of, fingerprint
 from airhockey_env.replay.file import Replay
 from airhockey_env.saved_states import game_state, save
@@ -82,7 +82,7 @@ class Recorder:
         if not played:
             raise ValueError("there is nothing to replay yet: reset first")
         before = np.cumsum([0, *(len(recording.actions) for recording in played)])
-        continuous = self._game.continuous
+        continuous = self._arguments["continuous"]
         return Replay(
             version=__version__,
             fingerprint=fingerprint(self._arguments),
@@ -133,9 +133,14 @@ class Recorder:
         game_state(state)["member"] = 0
         return state
 
-    def _action(self, action: Any) -> Any:
-        """A left player's action, as a replay holds it."""
-        return np.array(action, np.float64).clip(-1.0, 1.0) if self._game.continuous else int(action)
+    def _action(self, table: int, action: Any) -> Any:
+        """What reached the left paddle of a table in the last step, as a replay holds it: the action, or a late one."""
+        continuous = self._arguments["continuous"]
+        return self._game.played_actions(LEFT)[table].clip(-1.0, 1.0) if continuous else int(action)
+
+    def _right_action(self, table: int) -> NDArray[np.float32]:
+        """The same of a right player whose actions are recorded."""
+        return self._game.played_actions(RIGHT)[table]
 
 
 def check_played(before: NDArray[np.void], after: NDArray[np.void], who: str) -> bool:

@@ -62,9 +62,8 @@ class RecordReplay(Recorder, gym.Wrapper, RecordConstructorArgs):
         result = self.env.step(action)
         after = self._state(0)
         if check_played(before, after, "RecordReplay"):  # and not a reset by a wrapper, which the next step will notice
-            pool = self._game.pools[RIGHT]
-            right_action = pool.last_actions[0] if recorded_name(pool.members[0]) is None else None
-            self._recordings[0].add(before, self._action(action), right_action, after)
+            recorded = recorded_name(self._game.pools[RIGHT].members[0]) is None
+            self._recordings[0].add(before, self._action(0, action), self._right_action(0) if recorded else None, after)
         if result[2] or result[3]:
             self._save_now_and_then()
         return result
@@ -134,8 +133,8 @@ class RecordVectorReplay(Recorder, VectorWrapper, RecordConstructorArgs):
         over = result[2] | result[3]
         for i, recording in self._recordings.items():
             after = self._state(i)
-            action = self._action(actions[i])
-            right_action = self._game.pools[RIGHT].last_actions[i] if self._opponent is None else None
+            action = self._action(i, actions[i])
+            right_action = self._right_action(i) if self._opponent is None else None
             if over[i] and self._batch.autoreset_mode == AutoresetMode.SAME_STEP:
                 # The end itself is gone: it is played once more.
                 self._alone.set_state(before[i])

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from gymnasium.error import DependencyNotInstalled
 
+from airhockey_env.checks import check_whole
 from airhockey_env.opponents.players import NAMES, Player, resolve_player
 from airhockey_env.web.access import Access
 from airhockey_env.web.catalogue import Catalogue
@@ -89,7 +90,10 @@ def named_runs(given: list[str]) -> dict[str, Path]:
     for text in given:
         folder = Path(text)
         if not folder.is_dir():
-            raise ValueError(f"--run must be the folder of a training run, got {text}")
+            raise ValueError(
+                f"--run must be the folder of a training run, got {text}, which does not exist; a run makes its folder "
+                "when it starts"
+            )
         if folder.resolve().name in runs:
             raise ValueError(f"--run must name folders with different names, got two of the name {folder.name}")
         runs[folder.resolve().name] = folder
@@ -120,6 +124,7 @@ async def serve(args: argparse.Namespace) -> None:
     except ImportError as error:
         raise DependencyNotInstalled('the pages need aiohttp: pip install "airhockey-env[web]"') from error
 
+    check_whole("--port", args.port, 0, 65_535)
     token = secrets.token_hex(16) if args.token == "random" else args.token
     access = Access(args.host, args.port, token)
     catalogue = Catalogue(named_players(args.player), named_runs(args.run))
@@ -133,7 +138,10 @@ async def serve(args: argparse.Namespace) -> None:
         with contextlib.suppress(NotImplementedError):  # on Windows Ctrl-C raises KeyboardInterrupt
             loop.add_signal_handler(number, stop.set)
     server = Server(access, catalogue)
-    port = await server.start(args.host, args.port)
+    try:
+        port = await server.start(args.host, args.port)
+    except OSError as error:
+        raise OSError(f"--host and --port must be free to listen on: {error.strerror or error}") from error
     try:
         page = "/watch" if args.run else "/"
         address = f"http://{reachable(args.host)}:{port}{page}" + ("" if token is None else f"?token={token}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -112,6 +113,12 @@ class Scene:
         return "&".join([f"pucks={pucks}", *(f"{name}={_written(getattr(self, name))}" for name in _RANGES)])
 
     @property
+    def name(self) -> str:
+        """The named scene that this is, whatever its phase; empty if it is none."""
+        start = replace(self, phase=0.0)
+        return next((name for name, scene in SCENES.items() if scene == start), "")
+
+    @property
     def radii(self) -> NDArray[np.float64]:
         """(N,) m."""
         return np.array([puck.radius for puck in self.pucks])
@@ -136,7 +143,10 @@ class Scene:
         velocities = np.array([[puck.vx, puck.vy] for puck in self.pucks])
         positions = np.array([[puck.x, puck.y] for puck in self.pucks]) - self.phase * self.tick * velocities
         settings = (self.radii, self.masses, self.restitution, self.wall_restitution, SIZE)
-        return {method: AirTable(positions, velocities, *settings, method) for method in METHODS}
+        try:
+            return {method: AirTable(positions, velocities, *settings, method) for method in METHODS}
+        except ValueError as error:
+            raise ValueError(_of_pucks(str(error))) from error
 
     def moved(self, positions: NDArray[np.float64], velocities: NDArray[np.float64]) -> Scene:
         """The same pucks somewhere else: (N, 2) m and m/s."""
@@ -155,6 +165,11 @@ def _read(name: str, text: str) -> float:
         return float(text)  # its range is checked with the scene, NaN included
     except ValueError:
         raise ValueError(f"{name} must be numbers, got {text[:40]!r}") from None
+
+
+def _of_pucks(text: str) -> str:
+    """What an air table says about discs, which it counts from 0, about pucks, which people count from 1."""
+    return re.sub(r"\b(discs?|and) (\d+)\b", lambda m: f"{m[1].replace('disc', 'puck')} {int(m[2]) + 1}", text)
 
 
 def _written(number: float) -> str:

@@ -14,7 +14,7 @@ import pytest
 
 from agents.conditions import EXACT, Conditions, in_words
 from agents.measuring.evaluation import play_points
-from airhockey_env.cameras import ROBOT
+from airhockey_env.cameras import ROBOT, Camera
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT, RIGHT
 from airhockey_env.tables import CHALLENGE, FIELDS, FULL_SIZE, TABLES
@@ -44,7 +44,7 @@ def test_the_defaults() -> None:
 
 def test_presets() -> None:
     conditions = Conditions.of_options(Options("challenge", "tables", "robot"))
-    assert conditions == Conditions(CHALLENGE, TABLES, ROBOT.fields())
+    assert conditions == Conditions(CHALLENGE, TABLES, ROBOT)
     assert conditions.env_arguments().keys() == {"table", "randomize", "camera"}
 
 
@@ -54,13 +54,12 @@ def test_files(suffix: str, tmp_path: Path) -> None:
         Options(
             written(tmp_path / f"table{suffix}", dataclasses.asdict(CHALLENGE)),
             written(tmp_path / f"ranges{suffix}", {"length": (1.9, 2), "drag_linear": (0.1, 0.2)}),
-            written(tmp_path / f"camera{suffix}", {"delay_ms": 20, "noise_mm": 1.5}),
+            written(tmp_path / f"camera{suffix}", {"delay_ms": 20, "noise_mm": (1.5, 2)}),
         )
     )
     assert conditions.table == CHALLENGE
     assert conditions.randomize == {"length": (1.9, 2.0), "drag_linear": (0.1, 0.2)}
-    assert conditions.camera is not None
-    assert (conditions.camera["delay_ms"], conditions.camera["noise_mm"]) == (20, 1.5)
+    assert conditions.camera == Camera(delay_ms=20, noise_mm=(1.5, 2))
 
 
 @pytest.mark.parametrize(
@@ -122,7 +121,7 @@ def test_delays(delay: tuple[float, ...]) -> None:
 
 
 def test_what_a_run_keeps() -> None:
-    for options in (Options(), Options("challenge", "tables", "robot", (3.0, 4.0)), Options(action_delay_ms=(2.0,))):
+    for options in (Options(), Options("challenge", "tables", "robots", (3.0, 4.0)), Options(action_delay_ms=(2.0,))):
         conditions = Conditions.of_options(options)
         kept = json.loads(json.dumps(conditions.as_dict()))
         assert Conditions.of_dict(kept) == conditions
@@ -145,7 +144,7 @@ def test_in_words() -> None:
 
 
 class TestWhoPlaysUnderThem:
-    camera = Conditions(camera={"delay_ms": 500, "noise_mm": 100})
+    camera = Conditions(camera=Camera(delay_ms=500, noise_mm=100))
 
     @pytest.mark.parametrize("seat", [LEFT, RIGHT])
     def test_only_the_given_seats_have_the_camera(self, seat: int) -> None:

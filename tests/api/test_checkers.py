@@ -15,6 +15,7 @@ from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatist
 from stable_baselines3.common.env_checker import check_env as check_for_sb3
 
 from airhockey_env import PRESETS, AirHockeyEnv
+from airhockey_env.cameras import CAMERAS
 from airhockey_env.game import OBS_TYPES
 from airhockey_env.kernel.scripted import SCRIPTED
 from airhockey_env.kernel.tasks import TASKS
@@ -35,7 +36,8 @@ ARGUMENTS = [
     *({"reward": name} for name in ("sparse", "shaped")),
     *({"control_hz": rate} for rate in (10, 50, 240)),
     {"max_episode_steps": 30},
-    {"camera": "robot"},
+    *({"camera": name} for name in CAMERAS),
+    {"action_delay_ms": 12},
     *({"stack": 6, "obs_type": name} for name in OBS_TYPES),
     {"randomize": {"puck_radius": (0.03, 0.045), "drag_linear": (0.0, 0.5)}},
     {"render_mode": "rgb_array", "render_size": SMALL},

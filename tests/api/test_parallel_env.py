@@ -47,7 +47,7 @@ VARIANTS = [
     {},
     {"continuous": False},
     {"reward": "shaped"},
-    {"stack": 3},
+    {"stack": 3, "action_delay_ms": (5, 40), "camera": "robots"},
     {"stack": 2, "obs_type": "grayscale", "max_episode_steps": 30},
     {"task": "match", "max_episode_steps": -1},
     *({"table": name} for name in PRESETS),

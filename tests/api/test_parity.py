@@ -24,7 +24,7 @@ from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.parallel_env import AirHockeyParallelEnv
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.tables import FULL_SIZE
-from tests.helpers import HEAVY, IDS, SHOT, handed, pursue, random_actions, same, shown
+from tests.helpers import DRAWN, IDS, SHOT, handed, pursue, random_actions, same, shown
 
 MODES = list(AutoresetMode)
 VARIANTS = [
@@ -38,8 +38,9 @@ VARIANTS = [
     {"randomize": {"width": (1.0, 1.2), "puck_radius": (0.03, 0.045), "drag_quadratic": (0.0, 0.1)}},
 ]
 SEEN_BY_CAMERA = {
-    "camera": HEAVY,
+    "camera": DRAWN,
     "stack": 3,
+    "action_delay_ms": (0, 70),
     "opponent": pursue,
     "randomize": {"length": (2.0, 2.6), "puck_radius": (0.03, 0.045)},
 }
@@ -117,7 +118,7 @@ KINDS = {
     "another table": {"table": "challenge", "control_hz": 24, "reward": "shaped"},
     "a swift table": {"table": SWIFT, "control_hz": 120, "opponent_skill": 0.5},
     "randomized": {"randomize": {"width": (1.0, 1.2), "puck_radius": (0.03, 0.045), "paddle_speed": (3.0, 9.0)}},
-    "a camera": {"camera": HEAVY, "stack": 2},
+    "a camera": {"camera": DRAWN, "stack": 2, "action_delay_ms": [10, 50]},
     "a pool": {"opponent": ["striker", pursue, "random"], "reward": "shaped"},
 }
 
@@ -198,7 +199,11 @@ def fingerprints(n, threads, **arguments):
 
 @pytest.mark.parametrize(
     "arguments",
-    [{}, {"reward": "shaped", "continuous": False, "opponent": pursue}, {"camera": "robot", "stack": 3}],
+    [
+        {},
+        {"reward": "shaped", "continuous": False, "opponent": pursue},
+        {"camera": "robots", "stack": 3, "action_delay_ms": (0, 40)},
+    ],
     ids=shown,
 )
 def test_neither_batch_size_nor_threads_matter(arguments):

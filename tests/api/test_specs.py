@@ -32,6 +32,8 @@ DATA = {
     "opponent": {"opponent": "goalie", "opponent_skill": 0.3, "continuous": False},
     "pictures": {"obs_type": "grayscale", "render_mode": "rgb_array", "render_size": (64, 48)},
     "camera": {"camera": HEAVY, "stack": 4},
+    "delay": {"action_delay_ms": (10, 50.5)},
+    "drawn camera": {"camera": {"delay_ms": (5, 30), "camera_hz": (60, 200), "velocity_frames": (2, 6)}},
     "limit": {"max_episode_steps": 7},
     "no limit": {"max_episode_steps": -1},
 }
@@ -116,13 +118,16 @@ def test_specs_are_shown_and_equal(name, run):
 def test_the_other_constructors_take_the_same_data():
     table = dataclasses.asdict(CHALLENGE)
     data = {"table": table, "randomize": {"width": [0.9, 1.1]}, "render_mode": "rgb_array", "render_size": [64, 48]}
-    data["camera"] = HEAVY.fields()
+    data |= {"stack": 2, "action_delay_ms": [5, 30]}
+    data["camera"] = {**HEAVY.fields(), "noise_mm": [1, 3]}
     for make in (AirHockeyParallelEnv, lambda **given: AirHockeySB3VecEnv(2, **given)):
         env, other = make(**data), make(**yaml.safe_load(yaml.safe_dump(data)))
         assert env._game.spec == other._game.spec == CHALLENGE
         assert same(env._game.ranges, other._game.ranges)
         ours, theirs = (one._game.interfaces[LEFT].camera.arrays.camera for one in (env, other))
         assert same(ours, theirs)
+        assert env._game.stacks[LEFT] == other._game.stacks[LEFT] == 2
+        assert env._game.interfaces[LEFT].delay.arrays.range.tolist() == [0.25, 1.5]
         assert env._renderer.size == other._renderer.size == (64, 48)
 
 

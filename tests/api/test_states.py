@@ -13,11 +13,11 @@ from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv
 from airhockey_env.kernel.state import STATE
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from tests.api.apis import APIS
-from tests.helpers import COPIES, HEAVY, SHOT, begin, handed, play, pursue, random_actions, same, shown
+from tests.helpers import COPIES, DRAWN, SHOT, begin, handed, play, pursue, random_actions, same, shown
 
 ROWS = 5
 RANDOMIZE = {"randomize": {"width": (1.0, 1.2), "goal_width": (0.3, 0.5)}}
-SEEN = {"camera": HEAVY, "stack": 3, **RANDOMIZE}
+SEEN = {"camera": DRAWN, "stack": 3, "action_delay_ms": (0, 70), **RANDOMIZE}
 PICTURES = {"obs_type": "rgb", "stack": 2, **RANDOMIZE}
 
 

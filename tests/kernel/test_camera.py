@@ -18,13 +18,16 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from airhockey_env import LEFT, RIGHT, ROBOT, AirHockeyEnv, AirHockeyVectorEnv, Camera, Game
-from airhockey_env.kernel.camera import CAMERA_STATE, TAKEN, draw_normal
+from airhockey_env.cameras import CAMERAS as NAMED
+from airhockey_env.cameras import FIELDS, ROBOTS, SLOW
+from airhockey_env.kernel.camera import CAMERA_STATE, TAKEN
+from airhockey_env.kernel.normal import draw_normal
 from airhockey_env.kernel.observations import OTHER_PADDLE, PUCK_COLUMNS
 from airhockey_env.kernel.state import SEATS
 from airhockey_env.parallel_env import AirHockeyParallelEnv
 from airhockey_env.saved_states import game_state
 from airhockey_env.sensing import sense
-from tests.helpers import COPIES, HEAVY, INF, NAN, ROOT, begin, pursue, random_actions, same, turned
+from tests.helpers import COPIES, DRAWN, HEAVY, INF, NAN, ROOT, begin, pursue, random_actions, same, turned
 
 SEEN = slice(OTHER_PADDLE.start, PUCK_COLUMNS.stop)
 NOT_SEEN = [0, 1, 2, 3, 12]
@@ -64,10 +67,14 @@ def shot(
         *((name, value) for name in ("noise_mm", "opponent_noise_mm") for value in (-0.1, 101)),
         *(("dropout", value) for value in (-0.1, 1.1)),
         *(("jitter_ms", value) for value in (-0.1, 7.1)),
+        *(("delay_ms", value) for value in ((5, 3), (-1, 3), (0, 1001), (1, None), (1, NAN), (1, 2, 3), (1,))),
+        *(("velocity_frames", value) for value in ((2, 65), (2, 3.0), (None, 3), [True, 3])),
+        *(("camera_hz", value) for value in ((0.5, 60), (None, 60), ())),
     ],
+    ids=str,
 )
 def test_fields_out_of_range_are_named(field: str, given: object) -> None:
-    with pytest.raises(ValueError, match=f"^{field} must be .*got {given!r}"):
+    with pytest.raises(ValueError, match=f"^{field} must be .*got {re.escape(repr(given))}"):
         AirHockeyEnv(camera={"delay_ms": 7, field: given})
 
 
@@ -282,14 +289,15 @@ def test_the_puck_is_hidden_near_the_opponents_paddle() -> None:
         Camera(camera_hz=1, delay_ms=1000, jitter_ms=1000, velocity_frames=2),
         Camera(camera_hz=59.94, delay_ms=16.683, jitter_ms=16.683, velocity_frames=5, noise_mm=1),
         Camera(delay_ms=1000, jitter_ms=1000, occlusion_mm=1000),
+        Camera(camera_hz=(1, 1000), delay_ms=(0, 1000), jitter_ms=(0, 1000), velocity_frames=(2, 64)),
     ],
-    ids=["fast", "slow", "odd", "late"],
+    ids=["fast", "slow", "odd", "late", "drawn"],
 )
 def test_there_is_room_for_all_frames_on_their_way(camera: Camera, control_hz: float) -> None:
     envs = AirHockeyVectorEnv(8, control_hz=control_hz, max_episode_steps=-1, camera=camera)
     envs.reset(seed=0)
     memory = envs._game.interfaces[LEFT].camera.arrays
-    late = (camera.delay_ms + camera.jitter_ms) * 1e-3 * control_hz
+    late = sum(camera.ends()[name][1] for name in ("delay_ms", "jitter_ms")) * 1e-3 * control_hz
     for actions in random_actions(0, 300, 8):
         assert envs.step(actions)[0] in envs.observation_space
         waiting, first, step = (memory.states[name] for name in ("waiting", "first", "step"))
@@ -446,6 +454,73 @@ def test_a_game_goes_on_the_same_from_a_state_and_in_a_copy(way: str) -> None:
     assert same(game.get_state(), other.get_state())
 
 
+# Cameras that are drawn
+
+
+def drawn_cameras(envs: AirHockeyVectorEnv) -> list[Camera]:
+    """The camera of every table in this episode."""
+    specs = dict(zip(FIELDS, envs._game.interfaces[LEFT].camera.arrays.camera["spec"].T, strict=True))
+    frames = specs.pop("velocity_frames").astype(int)
+    specs["jitter_ms"] = np.minimum(specs["jitter_ms"], specs["delay_ms"])
+    rows = [{name: float(values[i]) for name, values in specs.items()} for i in range(envs.num_envs)]
+    return [Camera(**row, velocity_frames=int(count)) for row, count in zip(rows, frames, strict=True)]
+
+
+def test_a_camera_is_drawn_evenly_for_every_table_and_episode() -> None:
+    envs = AirHockeyVectorEnv(2000, camera=DRAWN)
+    first, second = ([*(envs.reset(seed=seed), drawn_cameras(envs))][-1] for seed in (0, None))
+    assert len({*first, *second}) == 4000
+    for name, (low, high) in DRAWN.ends().items():
+        values = np.array([getattr(camera, name) for camera in first])
+        if name == "jitter_ms":  # at most as long as the delay
+            assert values.max() > 45
+            continue
+        assert values.min() >= low and values.max() <= high
+        shares, _ = np.histogram(values, bins=8, range=(low, high + 1 if name == "velocity_frames" else high))
+        assert shares == pytest.approx(250, abs=75)
+    alone = AirHockeyVectorEnv(2000)
+    alone.reset(seed=0), alone.reset()
+    assert same(game_state(envs.get_state()), alone.get_state())  # the camera has a stream of its own
+
+
+def test_a_table_sees_as_through_the_camera_that_it_has_drawn() -> None:
+    """Without noise, which is drawn from the same stream."""
+    ranges = {"camera_hz": (30, 200), "delay_ms": (0, 60), "velocity_frames": (2, 9), "occlusion_mm": (0, 200)}
+    arguments = {"max_episode_steps": 25, "autoreset_mode": "SameStep", "randomize": {"length": (2.0, 2.6)}}
+    envs = AirHockeyVectorEnv(6, camera=ranges, **arguments)
+    first = envs.reset(seed=0)[0]
+    cameras = drawn_cameras(envs)
+    others = [AirHockeyVectorEnv(6, camera=camera, **arguments) for camera in cameras]
+    assert all(same(other.reset(seed=0)[0][i], first[i]) for i, other in enumerate(others))
+    playing = np.ones(6, bool)
+    for actions in random_actions(0, 25, 6):
+        seen, _, terminated, truncated, infos = envs.step(actions)
+        for i, other in enumerate(others):
+            theirs, *_, told = other.step(actions)
+            if playing[i] and not (terminated[i] or truncated[i]):
+                assert same(theirs[i], seen[i])
+            elif playing[i]:
+                assert same(told["final_obs"][i], infos["final_obs"][i])
+                playing[i] = False
+    assert not playing.any() and len({*cameras, *drawn_cameras(envs)}) == 12  # the next episode has another
+
+
+def test_a_range_as_wide_as_one_value_is_that_value() -> None:
+    narrow = {name: [value, value] for name, value in HEAVY.fields().items()}
+    assert Camera(**narrow) == HEAVY
+    assert same(shot(AirHockeyEnv(camera=narrow)), shot(AirHockeyEnv(camera=HEAVY)))
+
+
+@pytest.mark.parametrize("name", [name for name in NAMED if NAMED[name] != ROBOT])
+def test_the_named_cameras(name: str) -> None:
+    env = AirHockeyEnv(camera=name)
+    seen = [env.reset(seed=seed)[0] for seed in range(3)]
+    assert env._game.interfaces[LEFT].camera is not None and all(one in env.observation_space for one in seen)
+    for one in (ROBOT, SLOW):  # lie in the range
+        for field, (low, high) in ROBOTS.ends().items():
+            assert low <= getattr(one, field) <= high
+
+
 DAMAGE = {
     "first": (-1, 10**9),
     "waiting": (-1, 10**9),
@@ -465,14 +540,27 @@ DAMAGE = {
 @pytest.mark.parametrize(("field", "value"), [(name, value) for name in DAMAGE for value in DAMAGE[name]])
 @pytest.mark.parametrize("seat", SEATS)
 def test_a_damaged_state_is_refused_and_changes_nothing(seat: int, field: str, value: float) -> None:
-    game = Game(2, left=None, right=None, camera=HEAVY)
+    refuses_damage(HEAVY, seat, field, value)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("spec", NAN), ("spec", 1e3), ("control_hz", 51.0), ("delay", 9.0), ("frames", 10), ("noise", INF)],
+)
+def test_a_damaged_camera_that_was_drawn_is_refused(field: str, value: float) -> None:
+    refuses_damage(DRAWN, LEFT, field, value, "camera_drawn")
+
+
+def refuses_damage(camera: Camera, seat: int, field: str, value: float, record: str = "camera") -> None:
+    """A state that is damaged on one of two tables is refused, and nothing changes."""
+    game = Game(2, left=None, right=None, camera=camera)
     game.reset(1)
     for left, right in random_actions(1, 21, 4).reshape(21, 2, 2, 2):
         game.step(left, right)
     before, seen = game.get_state(), game.out.observation.copy()
     state = before.copy()
     side = ("left", "right")[seat]
-    array = state[f"{side}_{field}"] if field.startswith("camera") else state[f"{side}_camera"][field]
+    array = state[f"{side}_{field}"] if field.startswith("camera") else state[f"{side}_{record}"][field]
     array[1] = value
     with pytest.raises(ValueError, match=r"^state must "):
         game.set_state(state)

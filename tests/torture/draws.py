@@ -9,6 +9,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
+from airhockey_env.cameras import CAMERAS
 from airhockey_env.compiled import records
 from airhockey_env.kernel.scripted import SCRIPTED
 from airhockey_env.kernel.state import LEFT, RIGHT, SEATS, STATE
@@ -35,7 +36,12 @@ BROKEN_CAMERAS = (
     ("first", -1), ("waiting", 2**31), ("known", -1), ("next", 2**31), ("step", -1), ("frame", 2**60),
     ("true", NAN), ("seen", INF), ("scale", 0.0), ("reach", NAN),
 )  # fmt: skip
-"""The same of what a camera keeps."""
+"""The same of what a camera keeps,"""
+BROKEN_DELAYS = (("steps", NAN), ("steps", -1.0), ("next", -1), ("next", 2**60))
+"""and a delay of actions."""
+
+LEAST_OF_CAMERAS = {"camera_hz": 1, "velocity_frames": 2}
+"""The least values of a camera's fields, where they are not 0."""
 
 PLAYERS = (*SCRIPTED, *OPPONENTS)
 PURSUE, FLEE, ACROSS, JITTER, AHEAD, HUGE, WANDER, STYLES = range(8)
@@ -80,6 +86,11 @@ def draw_arguments(rng: np.random.Generator) -> tuple[str, dict[str, Any], tuple
         arguments["camera"] = draw_camera(rng)
         if name == "parallel" and rng.random() < 0.5:
             arguments["camera"] = [pick(rng, (None, draw_camera(rng))) for _ in SEATS]
+    if rng.random() < 0.2:
+        arguments["stack"] = pick(rng, (1, 2, 3, 64) if arguments["obs_type"] == "state" else (2, 4))
+    if rng.random() < 0.2:
+        delay = float(rng.uniform(0.0, 100.0))
+        arguments["action_delay_ms"] = pick(rng, (delay, 1000, [0, delay], [delay, 1000]))
     if rng.random() < 0.1:
         arguments |= {"render_mode": "rgb_array", "render_size": [96, 64]}
     return name, arguments, _spoil(rng, arguments) if rng.random() < 0.3 else ()
@@ -100,7 +111,10 @@ def draw_camera(rng: np.random.Generator) -> Any:
     chosen = {name: value for name, value in fields.items() if rng.random() < 0.5}
     if "delay_ms" in chosen:
         chosen["jitter_ms"] = pick(rng, (0.0, delay, delay * float(rng.random())))
-    return pick(rng, ("robot", chosen))
+    for name in chosen:
+        if rng.random() < 0.3:
+            chosen[name] = [LEAST_OF_CAMERAS.get(name, 0), chosen[name]]
+    return pick(rng, (*CAMERAS, chosen))
 
 
 def _spoil(rng: np.random.Generator, arguments: dict[str, Any]) -> tuple[str, ...]:
@@ -233,9 +247,12 @@ def draw_bad(rng: np.random.Generator, trial: Trial) -> dict[str, Any]:
             return {"do": "bad state", "value": pick(rng, WEIRD[:21])}
         state = encode_state(trial.face.env.get_state())
         part, (field, value) = state.get("state", state), pick(rng, BROKEN_STATES)
-        cameras = [state[name] for name in ("left_camera", "right_camera") if name in state]
-        if cameras and rng.random() < 0.5:
-            part, (field, value) = pick(rng, cameras), pick(rng, BROKEN_CAMERAS)
+        between = [(state[name], BROKEN_CAMERAS) for name in ("left_camera", "right_camera") if name in state]
+        between += [(state["left_action_delay"], BROKEN_DELAYS)] if "left_action_delay" in state else []
+        between += [(state, [(name, NAN)]) for name in ("left_history", "left_sent_actions") if name in state]
+        if between and rng.random() < 0.5:
+            part, values = pick(rng, between)
+            field, value = pick(rng, values)
         broken: Any = np.array(part[field])
         broken.reshape(-1)[int(rng.integers(broken.size))] = value
         part[field] = broken.tolist()

@@ -19,6 +19,9 @@ from tests.torture.trial import Trial
 
 BOUTS, TRIALS = 8, 20
 
+BETWEEN = ("camera", "stack", "action_delay_ms")
+"""What stands between a player and the table."""
+
 
 def test_every_api_plays_as_plain_games_do(monkeypatch: pytest.MonkeyPatch) -> None:
     met: Counter[Any] = Counter()
@@ -28,8 +31,8 @@ def test_every_api_plays_as_plain_games_do(monkeypatch: pytest.MonkeyPatch) -> N
 
         def __init__(self, name: str, given: dict[str, Any], weird: tuple[str, ...] = ()) -> None:
             super().__init__(name, given, weird)
-            seen = "camera" if "camera" in given else None
-            kind = (name, given["task"], given["obs_type"], given.get("autoreset_mode"), seen)
+            between = [name for name in BETWEEN if name in given]
+            kind = (name, given["task"], given["obs_type"], given.get("autoreset_mode"), *between)
             self.kind = () if self.refused else kind
 
         def do(self, operation: dict[str, Any]) -> None:
@@ -57,4 +60,4 @@ def test_every_api_plays_as_plain_games_do(monkeypatch: pytest.MonkeyPatch) -> N
         "pool",
     )
     modes = [mode.value for mode in AutoresetMode]
-    assert min(met[one] for one in (*done, "render", "camera", *FACES, *TASKS, *OBS_TYPES, *modes)) >= 3, met
+    assert min(met[one] for one in (*done, "render", *BETWEEN, *FACES, *TASKS, *OBS_TYPES, *modes)) >= 3, met

@@ -38,6 +38,9 @@ NOT_AGAIN = "not the same bits when played again"
 OF_FACES = ("num_envs", "autoreset_mode", "num_threads", "render_mode", "render_size")
 """Arguments that a plain game does not have."""
 
+INTERFACE = {"stack", "action_delay_ms"}
+"""Arguments of which a plain game has one for each seat."""
+
 
 class Broken(Exception):
     """A law was broken; the message says which."""
@@ -79,6 +82,10 @@ class Row:
         skill, opponent = own.pop("opponent_skill", 1.0), own.pop("opponent", "striker")
         if opponent is not None:
             own["camera"] = own.get("camera"), None
+        for name in INTERFACE & own.keys():
+            own[f"left_{name}"] = value = own.pop(name)
+            if opponent is None:
+                own[f"right_{name}"] = value
         skill = skill[i] if isinstance(skill, list) else skill
         mode_of_game = AutoresetMode.DISABLED
         self.game = Game(1, right=opponent, right_skill=skill, **own, autoreset_mode=mode_of_game, num_threads=1)

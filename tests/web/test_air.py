@@ -71,8 +71,8 @@ def test_the_longest_scene_fits_into_a_message() -> None:
         ("pucks=0,0,0,0,0.05,inf", "mass"),
         (f"pucks=0,0,{2 * FASTEST},0,0.05,1", "vx"),
         ("pucks=3,0,0,0,0.05,1", "x of puck 1"),
-        ("pucks=0.99,0,0,0,0.05,1", "positions"),
-        ("pucks=0,0,0,0,0.05,1;0.01,0,0,0,0.05,1", "positions"),
+        ("pucks=0.99,0,0,0,0.05,1", "positions.*puck 1"),
+        ("pucks=0,0,0,0,0.05,1;0.01,0,0,0,0.05,1", "positions.*pucks 1 and 2"),  # counted as on the page
         ("pucks=0,0,0,0,0.05,1&tick=0", "tick"),
         ("pucks=0,0,0,0,0.05,1&restitution=1.1", "restitution"),
         ("pucks=0,0,0,0,0.05,1&tick=0.02&tick=0.02", "tick"),
@@ -196,6 +196,47 @@ def test_time_is_turned_round() -> None:
         assert state["ticks"] == 24 or state["returned"] is None
     returned = dict(zip(METHODS, state["returned"], strict=True))
     assert returned["continuous"] < 1e-12 < 1e-3 < returned["overlap"]
+
+
+def test_the_clock_goes_back_with_time() -> None:
+    ask = air(SCENES["pool_shot"])
+    contact = shown_contact(ask, "continuous")
+    before = ask("step", 0.0)["clock"]
+    ask("reverse", 0.0)
+    for ticks in (1, 2):
+        assert ask("step", 0.0)["clock"] == pytest.approx(before - ticks * POOL.tick)
+    ask("restart", 0.0)
+    for _ in range(12):
+        ask("step", 0.0)
+    ask("reverse", 0.0)
+    assert shown_contact(ask, "continuous")["time"] == pytest.approx(contact["time"], abs=1e-12)
+
+
+def test_time_that_is_turned_round_again_and_again_comes_back_to_the_start() -> None:
+    ask = air(SCENES["reversal"])
+    for ticks in (10, 5, 5):
+        for _ in range(ticks):
+            ask("step", 0.0)
+        ask("reverse", 0.0)
+    states = [ask("step", 0.0) for _ in range(10)]
+    assert [state["clock"] == pytest.approx(0.0) for state in states] == [False] * 9 + [True]
+    assert [state["returned"] is not None for state in states] == [False] * 9 + [True]
+
+
+def test_a_search_for_a_contact_ends_at_the_start() -> None:
+    ask = air(Scene((Puck(-0.5, 0.0, -0.1), Puck(0.5, 0.0, 0.1))))
+    for _ in range(5):
+        ask("step", 0.0)
+    ask("reverse", 0.0)
+    state = ask("step", 0.0, until_contact=True)
+    assert state["clock"] == pytest.approx(0.0) and state["returned"] == pytest.approx([0.0] * 3, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_named_scene_keeps_its_name_unless_it_is_changed(name: str) -> None:
+    ask = air(f"scene={name}")
+    assert [ask("restart", 0.0)["name"], ask("settings", 0.0, phase=0.01)["name"]] == [name] * 2
+    assert ask("settings", 0.0, tick=0.03)["name"] == ""
 
 
 def test_energy_and_momentum_are_kept_until_the_wall() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -139,6 +141,7 @@ def test_time_is_turned_round(browser: Browser, address: str) -> None:
     browser.click("reverse")
     browser.wait(lambda: browser.text("said").startswith("Back at the start"), "it does not come back")
     assert browser.text("run") == "Run"
+    assert browser.run(CLOCK) == "0.000 s"
 
 
 def test_the_phases_are_fanned_out(browser: Browser, address: str) -> None:
@@ -148,6 +151,48 @@ def test_the_phases_are_fanned_out(browser: Browser, address: str) -> None:
     browser.wait(lambda: " mm apart" in browser.run(text), "no fan")
     browser.choose("phase", 0.5)
     browser.wait(lambda: shown_scene(browser).phase == 0.5, "no other phase")
+
+
+def test_the_contact_stays_in_view_while_the_phase_is_swept(browser: Browser, address: str) -> None:
+    begin(browser, address, "scene=pool_shot")
+    browser.click("contact")
+    browser.wait(lambda: browser.text("number-tick").endswith("ms"), "no contact")
+    for phase in (0.2, 0.5, 0.9):
+        browser.choose("phase", phase)
+        _, exact = engine_contact(replace(SCENES["pool_shot"], phase=phase), "continuous")
+        browser.wait(
+            lambda exact=exact: (
+                browser.text("number-tick").endswith("ms")
+                and abs(number(browser, "penetration_time") - 1e3 * (0.02 - exact["time"])) < 6e-5
+            ),
+            "another contact",
+        )
+    assert browser.run("return document.getElementById('phase').getAttribute('aria-valuetext')") == "90 %"
+
+
+def test_a_named_scene_keeps_its_name_and_says_what_there_is_to_see(browser: Browser, address: str) -> None:
+    texts = []
+    for name in SCENES:
+        browser.driver.get("about:blank")
+        begin(browser, address, f"scene={name}")  # which restarts it
+        assert browser.run("return document.getElementById('scenes').value") == name
+        assert browser.run("return location.hash") == f"#scene={name}"
+        texts.append(browser.text("about"))
+    browser.choose("tick", 30)
+    browser.wait(lambda: browser.run("return document.getElementById('scenes').value") == "", "it keeps the name")
+    assert len({"", *texts, browser.text("about")}) == len(SCENES) + 2
+
+
+def test_after_a_restart_there_are_no_contacts_to_go_to(browser: Browser, address: str) -> None:
+    begin(browser, address, "scene=pool_shot")
+    for _ in range(2):
+        browser.run("document.getElementById('said').textContent = ''")
+        browser.click("contact")
+        browser.wait(lambda: browser.text("said").startswith("Pucks"), "no contact")
+    browser.wait(lambda: browser.element("earlier").is_enabled(), "there is no earlier one")
+    browser.click("restart")
+    browser.wait(lambda: not browser.element("earlier").is_enabled(), "there is still an earlier one")
+    assert not browser.text("number-tick").endswith("ms")
 
 
 def test_a_link_that_is_none_is_explained(browser: Browser, address: str) -> None:

@@ -46,6 +46,8 @@ def test_runs_are_named_by_their_folders(tmp_path: Path) -> None:
         (["--token", "short"], "--token"),
         (["--player", "nothing.npz"], "--player"),
         (["--run", "nothing"], "--run"),
+        (["--port", "99999"], "--port"),
+        (["--port", "-1"], "--port"),
     ],
 )
 def test_what_does_not_fit_is_one_line(arguments: list[str], named: str) -> None:
@@ -61,7 +63,7 @@ def test_a_port_that_is_taken_is_one_line(monkeypatch: pytest.MonkeyPatch) -> No
         taken.listen()
         with pytest.raises(SystemExit) as stop:
             main(["--port", str(taken.getsockname()[1])])
-    assert isinstance(stop.value.code, str) and "address" in stop.value.code
+    assert isinstance(stop.value.code, str) and "--port" in stop.value.code
 
 
 def test_without_aiohttp_the_extra_is_named() -> None:

@@ -126,6 +126,13 @@ def test_everything_has_a_name_for_those_who_do_not_see(page: str, browser: Brow
     assert all(languages)
 
 
+def test_the_opponent_is_named_before_the_match(browser: Browser, address: str) -> None:
+    browser.open(address)
+    browser.wait(lambda: browser.text("opponent-name") == "Striker", "nobody is named")
+    browser.choose("opponent", "goalie")
+    assert browser.text("opponent-name") == "Goalie"
+
+
 def test_the_paddle_follows_the_mouse(browser: Browser, address: str) -> None:
     begin(browser, address)
     for place in ((-0.85, 0.35), (-0.75, -0.40), (-0.90, 0.30)):
@@ -223,6 +230,11 @@ def test_a_replay_is_dropped_and_scrubbed(browser: Browser, address: str, replay
     browser.wait(lambda: browser.text("score-right") == "2", "the end is not shown")
     browser.choose("scrubber", 0)
     browser.wait(lambda: browser.text("score-right") == "0", "the beginning is not shown")
+    browser.choose("scrubber", seconds - 0.2)
+    browser.click("pause")
+    browser.wait(lambda: browser.text("pause") == "Resume" and browser.text("score-right") == "2", "it does not end")
+    browser.click("pause")
+    browser.wait(lambda: browser.text("score-right") == "0", "it does not begin again")
     browser.click("close-replay")
     browser.wait(lambda: browser.text("left-name") == "Expert", "the match does not go on")
 
@@ -252,3 +264,20 @@ def test_a_training_run_is_watched_while_it_learns(browser: Browser, serve: Serv
     shutil.move(run / "part.json", run / "evaluations.json")
     browser.wait(lambda: browser.text("run-note") == "200 steps of 1,000", "its curves do not grow")
     assert "all points 0.5" in browser.run("return document.querySelector('.chart canvas').ariaLabel")
+
+
+def test_runs_and_players_are_chosen_from_one_list(browser: Browser, serve: Serve, tmp_path: Path) -> None:
+    for name, steps in (("one", 100), ("two", 200)):
+        (tmp_path / name).mkdir()
+        trained_policy("adept").save(tmp_path / name / "policy.npz")
+        rows = f'{{"evaluations": [{{"steps": {steps}, "win_rate": 0.5}}], "updates": []}}'
+        (tmp_path / name / "evaluations.json").write_text(rows)
+    browser.open(serve("--run", str(tmp_path / "one"), "--run", str(tmp_path / "two")))
+    browser.wait(lambda: browser.text("run-note") == "100 steps", "the first run is not shown")
+    browser.choose("left", "run two")
+    browser.click("new")
+    browser.wait(lambda: browser.text("run-note") == "200 steps", "the other run is not shown")
+    browser.choose("left", "goalie")
+    browser.click("new")
+    browser.wait(lambda: browser.text("left-name") == "Goalie", "no player plays")
+    assert not browser.element("side").is_displayed()

@@ -159,7 +159,7 @@ class AirSession(Session):
         self._starts = {method: table.positions.copy() for method, table in tables.items()}
         self._ticks, self._part, self._asked = 0, 0.0, now
         self._slow = False
-        self._turned: int | None = None
+        self._clock, self._way = 0, 1  # ticks since the start in the scene's own time, and whether that goes on or back
         self._returned: list[float] | None = None
 
     def _told(self) -> Answer:
@@ -168,6 +168,7 @@ class AirSession(Session):
             "type": "scene",
             "revision": str(self._revision),
             "text": scene.text,
+            "name": scene.name,
             "scenes": list(SCENES),
             "methods": list(METHODS),
             "most_pucks": MOST_PUCKS,
@@ -224,7 +225,7 @@ class AirSession(Session):
     def _play_steps(self, scene: Scene, until_contact: bool, now: float) -> dict[str, Any]:
         ends = time.perf_counter() + self.limits.answer_seconds
         contacts = self._play_tick(scene, None)
-        while until_contact and not contacts and time.perf_counter() < ends:
+        while until_contact and not contacts and not self._at_start and time.perf_counter() < ends:
             contacts = self._play_tick(scene, None)
         return {**self._state(now, contacts), "sought": until_contact}
 
@@ -233,8 +234,7 @@ class AirSession(Session):
         message.finish()
         for table in self._present.values():
             table.velocities[:] *= -1.0
-        self._part, self._returned = 0.0, None
-        self._turned = self._ticks if self._turned is None else None
+        self._part, self._returned, self._way = 0.0, None, -self._way
         return None
 
     def _throw(self, message: Message, now: float) -> Answer:
@@ -246,25 +246,26 @@ class AirSession(Session):
         return None
 
     def _play_tick(self, scene: Scene, held: _Held | None) -> list[dict[str, Any]]:
-        contacts, began = [], time.thread_time()
+        contacts, began, began_at = [], time.thread_time(), self._clock * scene.tick
         for table in self._tables.values():
             if held is not None:
                 number, place = held
                 pull = (place - table.positions[number]) / max(PULL_SECONDS, scene.tick)
                 table.velocities[number] = np.clip(pull, -MOST_PULL, MOST_PULL)
-            positions, velocities, since = table.positions.copy(), table.velocities.copy(), table.time
+            positions, velocities = table.positions.copy(), table.velocities.copy()
             touched = table.step(scene.tick)
             if (touched["b"] >= 0).any():
                 new = kisses(table, positions, velocities, scene.tick, touched)[-MOST_CONTACTS:]
-                contacts += [{"time": since + kiss["contact_time"], **kiss} for kiss in new]
+                contacts += [{"time": began_at + self._way * kiss["contact_time"], **kiss} for kiss in new]
         self._ticks += 1
+        self._clock += self._way
         self._slow = time.thread_time() - began > SLOW
-        if self._turned is not None and self._ticks == 2 * self._turned:
+        if self._at_start:
             self._returned = [
                 float(np.hypot(*(table.positions - self._starts[method]).T).max())
                 for method, table in self._tables.items()
             ]
-            self._speed, self._turned = 0.0, None
+            self._speed = 0.0
         return contacts
 
     def _state(self, now: float, contacts: list[dict[str, Any]]) -> dict[str, Any]:
@@ -278,17 +279,23 @@ class AirSession(Session):
             "time": round(now, 4),
             "elapsed": self._ticks * self._shown.tick + self._part,
             "ticks": self._ticks,
+            "clock": self._clock * self._shown.tick + self._way * self._part,
             "playing": self._speed > 0.0,
             "positions": [row for table in tables for row in position_at(table, self._part).round(5).tolist()],
             "velocities": [row for table in tables for row in table.velocities.round(4).tolist()],
             "energy": [table.energy for table in tables],
             "momentum": [math.hypot(*(masses @ table.velocities)) for table in tables],
             "contacts": kept,
-            "turned": self._turned is not None,
+            "turned": self._way < 0,
             "returned": self._returned,
         }
 
     # Checks -----------------------------------------------------------------------------------------------------
+
+    @property
+    def _at_start(self) -> bool:
+        """Whether time has gone back to the start just now."""
+        return self._way < 0 and self._clock == 0
 
     @property
     def _shown(self) -> Scene:

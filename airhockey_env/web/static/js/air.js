@@ -3,15 +3,41 @@ import { ContactPanel } from "./air_contact.js";
 import { Lane, PER_SPEED } from "./air_lane.js";
 import { Plots } from "./air_plots.js";
 import { Connection } from "./connection.js";
-import { byId, capital, everyPicture, seconds, setOptions } from "./page.js";
+import { byId, capital, everyPicture, seconds, showValue } from "./page.js";
 import { Playout } from "./playout.js";
 import { Turns } from "./turns.js";
 
 const ABOUT = {
-  continuous: "finds every kiss on the way, in order of time: exact",
-  kiss: "looks at the end of a tick, and goes back by tₚ to the kiss",
-  overlap: "looks at the end of a tick, and takes the normal from the overlap",
+  continuous: "exact: finds every kiss on the way",
+  kiss: "at the end of a tick, goes back by tₚ to the kiss",
+  overlap: "at the end of a tick, takes the overlap's normal",
 };
+/** The named scenes: what they are called, and what there is to be seen. */
+const SCENES = {
+  pool_shot: [
+    "Pool shot",
+    "One puck hits another off its centre. Go to the next contact and read what is beside the tables, then move the phase: " +
+      "the shot starts earlier by that share of a tick, and only “overlap” is misled.",
+  ],
+  newtons_cradle: [
+    "Newton's cradle",
+    "A puck hits a row of five equal ones, head on: all five contacts are at the same moment, and only the last puck leaves.",
+  ],
+  break_of_a_rack: [
+    "Break of a rack",
+    "Fifteen pucks, half a millimetre apart, are broken. Every contact enlarges what was wrong in the one before, and soon the three tables have nothing in common.",
+  ],
+  tunnelling_at_speed: [
+    "Tunnelling at speed",
+    "The fast puck travels three times the sum of the radii in a tick. Methods that look only at the end of a tick let it pass through the others.",
+  ],
+  reversal: ["Reversal", "Let it run for a second, then press “Reverse time”: which method finds the way back to the start?"],
+  large_and_small: ["Large and small", "Five pucks of different sizes and masses. Grab one and throw it."],
+};
+const OWN = [
+  "Your own",
+  "Grab a puck and throw it, or pause and drag it to another place; a double click adds one. The link keeps the scene as it starts.",
+];
 const FIRST = "scene=pool_shot";
 const SEARCHES = 200; // messages until a contact is found
 const NUDGE = 0.01; // m that an arrow key moves a puck
@@ -36,6 +62,7 @@ let held = null; // what the pointer does: {kind: "hold", "position" or "velocit
 let pending = null; // a change that waits for the answer to the one before
 let waiting = false;
 let searches = 0; // messages left to find a contact
+let seeking = false; // the next scene is played up to its first contact, as the one before was
 let log = []; // contacts
 let at = null; // the one in the panel; null: the newest of the large table
 let paths = null; // the fan: {paths, spread}
@@ -57,11 +84,12 @@ connection.on("scene", (message) => {
   scene = message;
   waiting = false;
   selected = Math.min(selected, scene.pucks.length - 1);
-  const named = fragment().startsWith("scene=") ? fragment().slice(6) : "";
-  setOptions(byId("scenes"), [...scene.scenes, "your own"], "your own");
-  byId("scenes").value = opening && scene.scenes.includes(named) ? named : "your own";
+  const titles = scene.scenes.map((name) => [name, SCENES[name][0]]);
+  byId("scenes").replaceChildren(...[...titles, ...(scene.name ? [] : [["", OWN[0]]])].map(([name, title]) => new Option(title, name)));
+  byId("scenes").value = scene.name;
+  byId("about").textContent = (SCENES[scene.name] ?? OWN)[1];
   if (!opening) {
-    history.replaceState(null, "", `#${scene.text}`);
+    history.replaceState(null, "", `#${scene.name && !scene.phase ? `scene=${scene.name}` : scene.text}`);
   }
   lanes.forEach((one) => one.clear());
   plots.clear();
@@ -69,7 +97,7 @@ connection.on("scene", (message) => {
   turns.clear();
   log = [];
   at = null;
-  panel.show(null);
+  showContact();
   if (first || opening) {
     setRunning(running);
   }
@@ -79,6 +107,8 @@ connection.on("scene", (message) => {
   askForFan();
   if (pending !== null) {
     flush();
+  } else if (seeking && !running) {
+    nextContact();
   }
 });
 
@@ -94,7 +124,7 @@ connection.on("bytes", ({ data }) => {
     take(message);
   } else {
     paths = message;
-    note(`Fanned out over ${message.phases.length} phases of the tick`);
+    note(`Paths of ${message.phases.length} starts of the same motion, each at another phase of the tick; exact methods have one outcome`);
     captions();
   }
 });
@@ -133,16 +163,17 @@ function take(state) {
     log.push(contact);
   }
   log.splice(0, Math.max(0, log.length - 300));
+  const back = state.returned && !before?.returned;
   if (state.contacts.length) {
     showContact();
     if (!running) {
       note(ContactPanel.sentence(state.contacts.find(({ method }) => method === lane.method) ?? state.contacts[0]));
     }
-  } else if (state.sought) {
+  } else if (state.sought && !back) {
     searches -= 1;
     searches > 0 ? search() : note("No pucks touch for a long time");
   }
-  if (state.returned && !before?.returned) {
+  if (back) {
     setRunning(false);
     const far = scene.methods.map((method, k) => `${method} ${distance(state.returned[k])}`).join(", ");
     note(`Back at the start of time. Farthest puck from where it began: ${far}`);
@@ -168,6 +199,7 @@ function fragment() {
 
 function open(text) {
   opening = true;
+  seeking = false;
   history.replaceState(null, "", `#${text}`);
   running = !matchMedia("(prefers-reduced-motion: reduce)").matches;
   if (connection.isOpen) {
@@ -232,9 +264,15 @@ function browse(by) {
   showContact();
 }
 
-/** Change the scene as the large table shows it. Only one change is under way; of those that wait, the last counts. */
+/** Change the scene as the large table shows it. */
 function change(type, fields) {
-  pending = [type, { method: lane.method, ...fields }];
+  seeking = false;
+  request(type, { method: lane.method, ...fields });
+}
+
+/** Ask for another scene. Only one change is under way; of those that wait, the last counts. */
+function request(type, fields) {
+  pending = [type, fields];
   if (!waiting) {
     flush();
   }
@@ -260,9 +298,10 @@ function remove() {
   change("remove", { puck: selected });
 }
 
+/** Step the scene otherwise, from its start; a contact that is studied stays in view. */
 function settings(name, value) {
-  waiting = true;
-  connection.send("settings", { [name]: value });
+  seeking = !running && (seeking || log.length > 0);
+  request("settings", { [name]: value });
 }
 
 const round = (x) => Math.min(Math.max(Number(x.toFixed(4)), -9999), 9999);
@@ -275,9 +314,9 @@ byId("reverse").addEventListener("click", reverse);
 byId("earlier").addEventListener("click", () => browse(-1));
 byId("later").addEventListener("click", () => browse(1));
 byId("again").addEventListener("click", () => open(FIRST));
-byId("scenes").addEventListener("change", (event) => event.target.value !== "your own" && open(`scene=${event.target.value}`));
+byId("scenes").addEventListener("change", (event) => event.target.value && open(`scene=${event.target.value}`));
 byId("speed").addEventListener("input", () => {
-  byId("speed-shown").textContent = `× ${Number(pace().toPrecision(2))}`;
+  showValue("speed", `× ${Number(pace().toPrecision(2))}`);
   if (running) {
     setRunning(true);
   }
@@ -315,6 +354,7 @@ for (const form of document.forms) {
 window.addEventListener("hashchange", () => open(fragment()));
 
 function restart() {
+  seeking = false;
   connection.send("restart");
 }
 
@@ -465,7 +505,7 @@ function fill() {
     }
   }
   byId("phase").value = scene.phase;
-  byId("phase-shown").textContent = `${Math.round(100 * scene.phase)} %`;
+  showValue("phase", `${Math.round(100 * scene.phase)} %`);
   byId("remove").disabled = scene.pucks.length === 1;
   byId("add").disabled = scene.pucks.length >= scene.most_pucks;
 }
@@ -473,7 +513,7 @@ function fill() {
 function captions() {
   for (const one of lanes) {
     const spread = paths && byId("fan").checked ? `paths end up to ${distance(paths.spread[one.method])} apart` : "";
-    const time = newest && one === lane ? `${newest.elapsed.toFixed(3)} s` : "";
+    const time = newest && one === lane ? `${newest.clock.toFixed(3).replace("-0.000", "0.000")} s` : "";
     one.output.textContent = [spread, time].filter(Boolean).join(" · ");
   }
 }

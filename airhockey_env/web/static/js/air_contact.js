@@ -8,19 +8,29 @@ const mm = (length) => `${(1e3 * length).toFixed(3)} mm`;
 const degrees = (angle) => `${angle.toFixed(3)}°`;
 const none = "no overlap is seen";
 
-/** The rows of the table: name, explanation, text of a contact, and whether it is what the page is about. */
-const ROWS = {
+const wayToKiss = (c) => c.projection - c.top_leg;
+
+/** The rows of the tables: what a number is called, its text for a contact, and whether it is what the page is about. */
+const RESULTS = {
   penetration_time: ["Penetration time t<sub>p</sub>", (c) => `${(1e3 * c.penetration_time).toFixed(4)} ms`, true],
   between: ["Angle between the two normals", (c) => (c.between === null ? none : degrees(c.between)), true],
-  ideal: ["Ideal-contact normal", (c) => degrees(c.ideal)],
-  approximate: ["Approximate-contact normal", (c) => (c.approximate === null ? none : degrees(c.approximate))],
-  used: ["Normal that this method used", (c) => degrees(c.used)],
-  tick: ["Tick", (c) => `${(1e3 * c.tick).toFixed(2)} ms`],
-  projection: ["Projection of B₁ − A₁ on the A′ path", (c) => mm(c.projection)],
-  shared_leg: ["Shared leg of the triangles", (c) => mm(c.shared_leg)],
-  top_leg: ["Top leg of the small triangle", (c) => mm(c.top_leg)],
-  hypotenuse: ["Its hypotenuse, r<sub>A</sub> + r<sub>B</sub>", (c) => mm(c.hypotenuse)],
 };
+const NORMALS = {
+  ideal: ["Ideal normal", (c) => degrees(c.ideal)],
+  approximate: ["Approximate normal", (c) => (c.approximate === null ? none : degrees(c.approximate))],
+  used: ["Normal that this method used", (c) => degrees(c.used)],
+};
+const DERIVATION = {
+  shared_leg: ["Leg that both triangles share", (c) => mm(c.shared_leg)],
+  projection: ["Large triangle, leg along the path", (c) => mm(c.projection)],
+  hypotenuse: ["Small triangle, hypotenuse", (c) => mm(c.hypotenuse)],
+  top_leg: ["Small triangle, leg along the path", (c) => mm(c.top_leg)],
+  to_kiss: ["Way from A₁ to the kiss", (c) => mm(wayToKiss(c))],
+  path: ["Way in the whole tick", (c) => mm(c.path)],
+  tick: ["Tick", (c) => `${(1e3 * c.tick).toFixed(2)} ms`],
+};
+const ROWS = { ...RESULTS, ...NORMALS, ...DERIVATION };
+const TABLES = { results: RESULTS, "normals-of-contact": NORMALS, derivation: DERIVATION };
 
 export class ContactPanel {
   #contact = null;
@@ -28,16 +38,18 @@ export class ContactPanel {
 
   constructor() {
     this.canvas = byId("triangles");
-    for (const [name, [title, , important]] of Object.entries(ROWS)) {
-      const row = byId("numbers").insertRow();
-      row.className = important ? "key-number" : "";
-      const head = document.createElement("th");
-      head.scope = "row";
-      head.innerHTML = title;
-      row.append(head);
-      this.#cells[name] = row.insertCell();
-      this.#cells[name].id = `number-${name}`;
-      this.#cells[name].textContent = "–";
+    for (const [table, rows] of Object.entries(TABLES)) {
+      for (const [name, [title, , important]] of Object.entries(rows)) {
+        const row = byId(table).insertRow();
+        row.className = important ? "key-number" : "";
+        const head = document.createElement("th");
+        head.scope = "row";
+        head.innerHTML = title;
+        row.append(head);
+        this.#cells[name] = row.insertCell();
+        this.#cells[name].id = `number-${name}`;
+        this.#cells[name].textContent = "–";
+      }
     }
     new ResizeObserver(() => this.#draw()).observe(this.canvas);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#draw());
@@ -52,6 +64,9 @@ export class ContactPanel {
     for (const [name, [, text]] of Object.entries(ROWS)) {
       this.#cells[name].textContent = contact ? text(contact) : "–";
     }
+    byId("sum").textContent = contact
+      ? `tₚ = ${DERIVATION.tick[1](contact)} × (${mm(contact.path)} − ${mm(wayToKiss(contact))}) / ${mm(contact.path)} = ${RESULTS.penetration_time[1](contact)}`
+      : "";
     this.#draw();
   }
 

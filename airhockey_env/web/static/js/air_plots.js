@@ -12,7 +12,7 @@ export class Plots {
 
   /** @param {HTMLElement} place - where the charts go. */
   constructor(place) {
-    this.charts = { energy: new Chart("Energy, J", null, "seconds"), momentum: new Chart("Momentum, N s", null, "seconds") };
+    this.charts = { energy: new Chart("Kinetic energy, J", null, "seconds"), momentum: new Chart("Total momentum, N s", null, "seconds") };
     place.append(...Object.values(this.charts).map((chart) => chart.figure));
   }
 

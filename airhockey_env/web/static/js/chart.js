@@ -1,7 +1,12 @@
 /**
  * A line chart on a canvas, in the page's own colours.
  */
-const COLORS = ["--left", "--right", "--quiet"];
+/** The lines, in order: dashes tell them apart where they lie on each other, and to people who see fewer colours. */
+const LINES = [
+  { color: "--left", dash: [] },
+  { color: "--right", dash: [7, 5] },
+  { color: "--ink", dash: [2, 4] },
+];
 
 function short(value) {
   const size = Math.abs(value);
@@ -55,9 +60,15 @@ export class Chart {
     this.lines = lines.filter((line) => line.points.length);
     this.goal = goal;
     this.figure.hidden = !this.lines.length;
-    const last = this.lines.map(({ label, points }) => `${label} ${short(points.at(-1)[1])}`.trim()).join(", ");
-    this.caption.textContent = `${this.title}: ${last}`;
-    this.canvas.setAttribute("aria-label", `${this.title}, over ${this.axis}. Latest: ${last}`);
+    const latest = this.lines.map(({ label, points }) => `${label} ${short(points.at(-1)[1])}`.trim());
+    const parts = latest.map((text, k) => {
+      const part = document.createElement("span");
+      part.textContent = text;
+      part.className = latest.length > 1 ? `line line-${k % LINES.length}` : "";
+      return part;
+    });
+    this.caption.replaceChildren(`${this.title}: `, ...parts.flatMap((part, k) => (k ? [", ", part] : [part])));
+    this.canvas.setAttribute("aria-label", `${this.title}, over ${this.axis}. Latest: ${latest.join(", ")}`);
     this.draw();
   }
 
@@ -81,7 +92,7 @@ export class Chart {
     }
     const most = Math.max(this.goal, ...this.lines.flatMap(({ points }) => points.map((p) => p[0])), 1);
     const size = 0.7 * parseFloat(getComputedStyle(document.documentElement).fontSize);
-    const [left, right, top, bottom] = [3.6 * size, width - 8, 6, height - 1.7 * size];
+    const [left, right, top, bottom] = [3.6 * size, width - 8, 0.7 * size, height - 1.7 * size];
     const x = (value) => left + ((right - left) * value) / most;
     const y = (value) => bottom - ((bottom - top) * (value - low)) / (high - low);
     context.font = `${size}px ${style.fontFamily}`;
@@ -102,7 +113,8 @@ export class Chart {
       context.fillText(short(value), Math.min(x(value), right - size), bottom + 5);
     }
     this.lines.forEach(({ points, bands }, k) => {
-      context.strokeStyle = context.fillStyle = color(COLORS[k % COLORS.length]);
+      const look = LINES[k % LINES.length];
+      context.strokeStyle = context.fillStyle = color(look.color);
       if (bands.length) {
         context.globalAlpha = 0.18;
         context.beginPath();
@@ -112,9 +124,11 @@ export class Chart {
         context.globalAlpha = 1;
       }
       context.lineWidth = 1.8;
+      context.setLineDash(look.dash);
       context.beginPath();
       points.forEach(([at, value]) => context.lineTo(x(at), y(value)));
       context.stroke();
+      context.setLineDash([]);
       const [at, value] = points.at(-1);
       context.beginPath();
       context.arc(x(at), y(value), 3, 0, 2 * Math.PI);

@@ -4,7 +4,8 @@
 const LASTS = 0.6; // s on the wall
 const NORMAL = 0.12; // m
 const PER_IMPULSE = 0.6; // m for 1 N s
-const COLORS = { contact: "#e69f00", normal: "#009e73", impulse: "#cc2f8f" };
+/** By the name of what is drawn. */
+export const COLORS = { contacts: "#e69f00", normals: "#009e73", impulses: "#cc2f8f" };
 
 export class Marks {
   #contacts = [];
@@ -39,16 +40,16 @@ export class Marks {
       const { context } = view;
       context.globalAlpha = 1 - 0.7 * ((time - at) / lasts);
       if (what.normals) {
-        arrow(view, [x - NORMAL * nx, y - NORMAL * ny], [x + NORMAL * nx, y + NORMAL * ny], COLORS.normal);
+        arrow(view, [x - NORMAL * nx, y - NORMAL * ny], [x + NORMAL * nx, y + NORMAL * ny], COLORS.normals);
       }
       if (what.impulses) {
         const reach = (a === 2 ? 1 : -1) * PER_IMPULSE * impulse; // on the puck, which is disc 2
         const end = [x + reach * nx, y + reach * ny];
-        arrow(view, [x, y], end, COLORS.impulse);
+        arrow(view, [x, y], end, COLORS.impulses);
         label(view, end, `${impulse.toFixed(3)} N s`);
       }
       if (what.contacts) {
-        context.fillStyle = COLORS.contact;
+        context.fillStyle = COLORS.contacts;
         context.beginPath();
         context.arc(...view.toCanvas(x, y), 4 * view.ratio, 0, 2 * Math.PI);
         context.fill();

@@ -19,6 +19,12 @@ export function setOptions(select, names, chosen) {
   }
 }
 
+/** Show the value of a slider as a text, to those who listen too. */
+export function showValue(name, text) {
+  byId(`${name}-shown`).textContent = text;
+  byId(name).setAttribute("aria-valuetext", text);
+}
+
 /** A name as the first word of a sentence. */
 export function capital(name) {
   return name.charAt(0).toUpperCase() + name.slice(1);

@@ -1,7 +1,7 @@
 /** The page "Play": a match against a player of the server. */
 import { Aim } from "./aim.js";
 import { Connection } from "./connection.js";
-import { byId, capital, download, everyPicture, seconds, setOptions } from "./page.js";
+import { byId, capital, download, everyPicture, seconds, setOptions, showValue } from "./page.js";
 import { Playout } from "./playout.js";
 import { drawShotClock } from "./shot_clock.js";
 import { Sounds } from "./sounds.js";
@@ -52,7 +52,8 @@ connection.on("hello", (hello) => {
   setOptions(byId("opponent"), hello.players, "striker");
   setOptions(byId("tables"), Object.keys(tables), "full_size");
   shown ?? showTable();
-  say("Air hockey", "Choose an opponent below, or just play", false, ["begin"]);
+  showOpponent();
+  say("Air hockey", "You are red, and your paddle follows the pointer. Choose an opponent below, or just play", false, ["begin"]);
   if (starting) {
     starting = false;
     start();
@@ -65,7 +66,7 @@ connection.on("match", (message) => {
   playout.clear();
   turns.clear();
   notice = null;
-  byId("opponent-name").textContent = capital(match.opponent);
+  showOpponent();
   byId("pause").disabled = false;
   byId("download").disabled = false;
 });
@@ -126,8 +127,9 @@ byId("choices").addEventListener("submit", (event) => {
   start();
 });
 byId("tables").addEventListener("change", () => match ?? showTable());
+byId("opponent").addEventListener("change", () => match ?? showOpponent());
 byId("skill").addEventListener("input", () => {
-  byId("skill-shown").textContent = `${byId("skill").value} %`;
+  showValue("skill", `${byId("skill").value} %`);
 });
 byId("sound").addEventListener("change", (event) => {
   sounds.on = event.target.checked;
@@ -146,7 +148,7 @@ canvas.addEventListener("keydown", (event) => {
 const BUTTONS = {
   begin: ["Play", start],
   again: ["Play again", start],
-  resume: ["Go on", resume],
+  resume: ["Resume", resume],
   replay: ["Download replay", () => connection.send("replay")],
 };
 
@@ -157,6 +159,10 @@ function showTable() {
   const home = 0.4 * chosen.length;
   shown = { positions: [[-home, 0], [home, 0], [0, 0]] };
   table.show(chosen);
+}
+
+function showOpponent() {
+  byId("opponent-name").textContent = capital(match?.opponent ?? byId("opponent").value);
 }
 
 /** Write a title and a line over the table; one that passes lets the pointer through. */
@@ -204,7 +210,7 @@ function note(state) {
     const [title, line, passing] = NOTICES[notice](match, state.score);
     say(title, line, passing, passing ? [] : notice === "paused" ? ["resume"] : ["again", "replay"]);
   }
-  byId("pause").textContent = notice === "paused" ? "Go on" : "Pause";
+  byId("pause").textContent = notice === "paused" ? "Resume" : "Pause";
   byId("pause").disabled = ["won", "lost"].includes(notice);
 }
 

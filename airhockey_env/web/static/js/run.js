@@ -14,6 +14,7 @@ const CHARTS = [
 ];
 
 export class RunCurves {
+  #name = null;
   #charts = CHARTS.map(([title, , , range]) => new Chart(title, range));
 
   /**
@@ -23,21 +24,28 @@ export class RunCurves {
   constructor(place, note) {
     this.note = note;
     place.replaceChildren(...this.#charts.map((chart) => chart.figure));
+    setInterval(() => document.hidden || this.#look(), EVERY);
   }
 
-  /** Follow a run, by its name. */
+  /** Follow a run, by its name, instead of the one before. */
   follow(name) {
-    const look = async () => {
-      if (!document.hidden) {
-        const response = await fetch(`/run/${encodeURIComponent(name)}`);
-        if (response.ok) {
-          this.#show(await response.json());
-        }
+    if (name !== this.#name) {
+      this.#name = name;
+      this.#look();
+    }
+  }
+
+  async #look() {
+    const name = this.#name;
+    try {
+      const response = await fetch(`/run/${encodeURIComponent(name)}`);
+      const records = response.ok ? await response.json() : null;
+      if (records !== null && name === this.#name) {
+        this.#show(records);
       }
-    };
-    const quietly = () => look().catch(() => {}); // the session says it when the server is gone
-    quietly();
-    setInterval(quietly, EVERY);
+    } catch {
+      // The session says it when the server is gone.
+    }
   }
 
   #show(records) {

@@ -1,7 +1,7 @@
 /** The page "Watch": two players of the server, a training run's newest policy, or a replay. */
 import { Connection } from "./connection.js";
-import { Marks } from "./marks.js";
-import { byId, capital, everyPicture, seconds, setOptions } from "./page.js";
+import { COLORS, Marks } from "./marks.js";
+import { byId, capital, everyPicture, seconds, setOptions, showValue } from "./page.js";
 import { Playout } from "./playout.js";
 import { RunCurves } from "./run.js";
 import { drawShotClock } from "./shot_clock.js";
@@ -31,7 +31,9 @@ const view = new View(canvas, () => table?.prepare());
 let table = null;
 let palette = null;
 let tables = {};
+let curves = null; // of training runs, where there are some
 let run = null; // the name of a training run, if one is watched
+let waiting = 0; // the timer until the next look whether it has a policy
 let match = null; // the server's message "match", while there is one
 let replay = null; // a Trajectory, while one is open
 let replayTime = 0;
@@ -45,28 +47,23 @@ let last = 0;
 connection.on("hello", (hello) => {
   ({ palette, tables } = hello);
   table ??= new Table(view, palette);
-  setOptions(byId("left"), hello.players, "expert");
+  setLeft(hello.runs, hello.players);
   setOptions(byId("right"), hello.players, "striker");
   setOptions(byId("tables"), Object.keys(tables), "full_size");
-  if (run === null && hello.runs.length) {
-    const asked = new URLSearchParams(location.search).get("run");
-    run = hello.runs.includes(asked) ? asked : hello.runs[0];
-    byId("left-field").hidden = true;
-    byId("side").hidden = false;
-    byId("run-name").textContent = run;
-    new RunCurves(byId("charts"), byId("run-note")).follow(run);
-  }
   start();
 });
 
-connection.on("waiting", () => {
+connection.on("waiting", (message) => {
+  match = null;
+  showRun(message.run);
   table.show(tables[byId("tables").value]);
   say(`${run} has no policy yet`, "It is watched as soon as its first checkpoint is written");
-  setTimeout(start, WAIT);
+  waiting = setTimeout(start, WAIT);
 });
 
 connection.on("match", (message) => {
   match = message;
+  showRun(match.run);
   if (replay === null) {
     table.show(match.table);
     name(match.left, match.right);
@@ -95,11 +92,13 @@ connection.on("end", ({ reason }) => {
 // What the person does ------------------------------------------------------------------------------------------------
 
 function start() {
+  clearTimeout(waiting);
   if (!connection.isOpen) {
     connection.open();
     return;
   }
-  const who = run === null ? { left: byId("left").value } : { run };
+  const { run: learning } = byId("left").selectedOptions[0].dataset;
+  const who = learning === undefined ? { left: byId("left").value } : { run: learning };
   connection.send("start", { ...who, right: byId("right").value, table: byId("tables").value, speed: speed() });
 }
 
@@ -110,9 +109,17 @@ function speed() {
 
 function setPaused(now) {
   paused = now;
-  byId("pause").textContent = paused ? "Go on" : "Pause";
+  byId("pause").textContent = paused ? "Resume" : "Pause";
   byId("step").disabled = !paused;
   connection.send("speed", { speed: speed() });
+}
+
+/** Pause or go on; a replay that has ended begins again. */
+function togglePause() {
+  if (paused && replay !== null && replayTime >= replay.seconds) {
+    seek(0);
+  }
+  setPaused(!paused);
 }
 
 function step() {
@@ -129,10 +136,10 @@ byId("choices").addEventListener("submit", (event) => {
   closeReplay();
   start();
 });
-byId("pause").addEventListener("click", () => setPaused(!paused));
+byId("pause").addEventListener("click", togglePause);
 byId("step").addEventListener("click", step);
 byId("speed").addEventListener("input", () => {
-  byId("speed-shown").textContent = `× ${Number((10 ** Number(byId("speed").value)).toPrecision(2))}`;
+  showValue("speed", `× ${Number((10 ** Number(byId("speed").value)).toPrecision(2))}`);
   connection.send("speed", { speed: speed() });
 });
 document.addEventListener("keydown", (event) => {
@@ -141,7 +148,7 @@ document.addEventListener("keydown", (event) => {
   }
   if (event.code === "Space") {
     event.preventDefault();
-    setPaused(!paused);
+    togglePause();
   } else if (event.code === "Period" && paused) {
     step();
   }
@@ -161,14 +168,20 @@ async function openReplay(file) {
   table.show(replay.table);
   name("left", replay.opponent ?? "right");
   byId("timeline").hidden = false;
+  byId("side").hidden = true;
   byId("scrubber").max = replay.seconds;
-  byId("said").textContent = `A replay of ${clockTime(replay.seconds)} minutes, played back to the bit`;
+  byId("said").textContent = `A replay of ${replay.seconds.toFixed(1)} s, played back to the bit`;
   seek(0);
+  setPaused(false);
 }
 
 function closeReplay() {
+  if (replay !== null) {
+    setPaused(false);
+  }
   replay = null;
   byId("timeline").hidden = true;
+  byId("side").hidden = run === null;
   if (match !== null) {
     table.show(match.table);
     name(match.left, match.right);
@@ -210,6 +223,29 @@ document.addEventListener("drop", (event) => {
 });
 
 // What is shown -------------------------------------------------------------------------------------------------------
+
+/** Offer runs and players for the left side: the run that the address asks for, the first one, or the expert. */
+function setLeft(runs, players) {
+  const [before, asked] = [byId("left").value, new URLSearchParams(location.search).get("run")];
+  const options = runs.map((name) => {
+    const option = new Option(`${name} (run)`, `run ${name}`);
+    option.dataset.run = name;
+    return option;
+  });
+  byId("left").replaceChildren(...options, ...players.map((name) => new Option(name, name)));
+  byId("left").value = before || (runs.length ? `run ${runs.includes(asked) ? asked : runs[0]}` : "expert");
+}
+
+/** Show the curves of a training run beside the table, or none. */
+function showRun(name) {
+  run = name;
+  byId("side").hidden = run === null || replay !== null;
+  if (run !== null) {
+    byId("run-name").textContent = run;
+    curves ??= new RunCurves(byId("charts"), byId("run-note"));
+    curves.follow(run);
+  }
+}
 
 function name(left, right) {
   byId("left-name").textContent = capital(left);
@@ -267,6 +303,7 @@ everyPicture(() => {
   if (replay !== null) {
     if (!paused) {
       seek(replayTime + elapsed * speed());
+      replayTime < replay.seconds || setPaused(true);
     }
     shown = replay.at(replayTime);
     note(shown);
@@ -286,4 +323,7 @@ everyPicture(() => {
   }
 });
 
+for (const [name, color] of Object.entries(COLORS)) {
+  byId(name).style.accentColor = color;
+}
 connection.open();
