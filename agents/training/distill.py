@@ -7,13 +7,15 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
+from typing import Annotated
 
 import numpy as np
+import tyro
 from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.conditions import EXACT
 from agents.models import load_player
-from agents.options import OptionalCount, check_ranges
+from agents.options import Count, OptionalCount, check_ranges
 from agents.training import ppo
 from agents.training.learning import Falling
 from agents.training.recipe import History, Phase, Recipe, Setup, conditions_of
@@ -45,6 +47,15 @@ class DistillArgs(ppo.PpoArgs):
     --steps."""
     imitation_rate: float = 1e-3
     """Use this learning rate while imitating. It falls linearly to a fiftieth."""
+    num_envs: Count = 1024
+    """Play on this many tables at once. With --camera or --randomize, some of them are under easier conditions: see
+    docs/robust.md."""
+    n_epochs: Count = 2
+    """Pass over the samples of an update this many times."""
+    net_width: Count = 192
+    """Give the student two hidden layers of this many units each."""
+    warmup_steps: Annotated[OptionalCount, tyro.conf.Suppress] = 0
+    warmup_success: Annotated[float, tyro.conf.Suppress] = 0.8
     noise: float = 0.25
     """Begin PPO with disturbances of the actions (gSDE) of this standard deviation. --log-std-init is that of the
     disturbances while imitating."""
@@ -56,7 +67,7 @@ def resolve(args: DistillArgs) -> DistillArgs:
     imitation = steps // 2 if args.imitation_steps is None else args.imitation_steps
     check_ranges(args, imitation_steps=(0, math.inf), imitation_rate=(0, 1), noise=(1e-3, 1))
     load_teacher(args.teacher)
-    args = dataclasses.replace(args, steps=steps, imitation_steps=imitation, warmup_steps=0)
+    args = dataclasses.replace(args, steps=steps, imitation_steps=imitation)
     return ppo.resolve(args)
 
 

@@ -47,7 +47,7 @@ class StudentTables(VecEnv):
             part.seed(seeds[first:last])
         return list(seeds)
 
-    def reset(self) -> dict[str, NDArray[Any]]:  # type: ignore[override]
+    def reset(self) -> dict[str, NDArray[Any]]:
         """Begin an episode on every table."""
         return self._observations([part.reset() for part in self.parts])
 
