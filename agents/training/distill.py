@@ -30,7 +30,7 @@ CRITIC_WIDTH = 128
 
 _SIGHT = ("camera", "action_delay_ms")
 
-SHARES: dict[tuple[str, ...], float] = {(): 0.375, ("randomize",): 0.375, _SIGHT: 0.125, (*_SIGHT, "randomize"): 0.125}
+SHARES: dict[tuple[str, ...], float] = {(): 0.3, ("randomize",): 0.35, _SIGHT: 0.1, (*_SIGHT, "randomize"): 0.25}
 """Shares of the tables by the conditions that are left out on them. Without tables that are always the same, and others
 with exact states, the student would play worse where nothing has to be guessed."""
 
