@@ -251,6 +251,18 @@ def check_seed(seed: Any) -> int:
     return check_whole("seed", seed, 0, math.inf)
 
 
+def check_seeds(seed: Any, n: int) -> list[int | None]:
+    """Seeds of n tables, one for each: from the first one's, which the next numbers follow, or from a list of them."""
+    if seed is None:
+        return [None] * n
+    if not isinstance(seed, (list, tuple)) and np.ndim(seed) == 0:
+        first = check_seed(seed)
+        return [first + i for i in range(n)]
+    if len(seed) != n:
+        raise ValueError(f"seed must hold one seed for each of {n} tables, got {len(seed)}")
+    return [None if one is None else check_seed(one) for one in seed]
+
+
 def check_rows(name: str, tables: ArrayLike, n: int, repeated: bool = False) -> NDArray[np.int64]:
     """Numbers of some of n tables, given as such or as a mask; `repeated`: each may be there more than once."""
     once = "" if repeated else ", each once"

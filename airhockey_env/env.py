@@ -213,7 +213,7 @@ class AirHockeyEnv(TableEnv, gym.Env):
             num_threads=1,
         )
         self._set_up(game, render_mode, render_size, ("action", "opponent"))
-        self.observation_space = observation_space(game.obs_type, game.stacks[LEFT])
+        self.observation_space = observation_space(game.obs_type, game.interfaces[LEFT].stack)
         self.action_space = action_space(game.continuous)
 
     @one_at_a_time

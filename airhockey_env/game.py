@@ -11,7 +11,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
 
-from airhockey_env.cameras import Camera, resolve_camera
+from airhockey_env.cameras import Camera
 from airhockey_env.checks import (
     NO_LIMIT,
     check_action_delay,
@@ -20,7 +20,7 @@ from airhockey_env.checks import (
     check_limit,
     check_number,
     check_rows,
-    check_seed,
+    check_seeds,
     check_skill,
     check_stack,
     check_velocities,
@@ -30,6 +30,7 @@ from airhockey_env.checks import (
 from airhockey_env.compiled import machine_code, records
 from airhockey_env.drawing.pixels import CHANNELS, Pixels
 from airhockey_env.engine.records import CONTACT
+from airhockey_env.interface_parts import Tables
 from airhockey_env.kernel.outputs import Outputs, make_outputs
 from airhockey_env.kernel.parameters import make_parameters, spec_of, with_specs
 from airhockey_env.kernel.random_stream import stream_from_seed
@@ -49,7 +50,7 @@ from airhockey_env.kernel.step import refresh_rows, reset_rows, step_rows
 from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.opponents.players import Player, resolve_players
 from airhockey_env.opponents.pool import Needs, Pool
-from airhockey_env.player_interface import Part, PlayerInterface, Tables
+from airhockey_env.player_interface import PlayerInterfaces
 from airhockey_env.reset_options import SERVERS, ResetOptions, check_reset_options
 from airhockey_env.saved_states import check_state, game_state, restore, save
 from airhockey_env.tables import FIELDS, TableSpec, check_randomize, resolve_table
@@ -63,8 +64,6 @@ CONTROL_RATES = (10, 240)
 """Hz, least and greatest."""
 ROWS_PER_THREAD = 1024
 """Fewer tables than this are not worth waking a thread for."""
-PICTURES_PER_THREAD = 64
-"""Nor fewer pictures than this."""
 
 _AUTORESET = {
     AutoresetMode.DISABLED: AUTORESET_DISABLED,
@@ -130,7 +129,7 @@ class Game:
     Attributes:
         out: `Outputs` of the last step or reset.
         pools: the pools of the left and of the right seat.
-        interfaces: what stands between the left player, and the right one, and the table.
+        interfaces: what stands between the players and the table.
         spec: the `TableSpec` in play; with `randomize`, the one that others are drawn around.
     """
 
@@ -182,9 +181,8 @@ class Game:
         self.settings["shaped"] = check_choice("reward", reward, REWARDS) == "shaped"
         self.settings["autoreset"] = _AUTORESET[self.autoreset_mode]
         self.settings["randomized"] = bool(self.randomized)
-        cameras = _pair_of_cameras(camera)
-        self.stacks = check_stack("left_stack", left_stack), check_stack("right_stack", right_stack)
-        self._action_delays = (
+        stacks = check_stack("left_stack", left_stack), check_stack("right_stack", right_stack)
+        delays = (
             check_action_delay("left_action_delay_ms", left_action_delay_ms),
             check_action_delay("right_action_delay_ms", right_action_delay_ms),
         )
@@ -194,21 +192,19 @@ class Game:
         self.states["skill"][:, RIGHT] = check_skill(right_skill, n, "right_skill")
         self.out: Outputs = make_outputs(n, bool(self.randomized))
         self._drivers = np.full((2, n), EXTERNAL, np.int8)
-        self._tables = Tables(self.parameters, self.settings, self._drivers, self.out)
-        self.interfaces = self._make_interfaces(cameras)
+        tables = Tables(n, self.control_hz, self.parameters, self.settings, self._drivers, self.out)
+        self.interfaces = PlayerInterfaces(tables, stacks, delays, camera)
         self.pools = (self._make_pool("left", LEFT, left), self._make_pool("right", RIGHT, right))
         self._no_actions = np.zeros((n, 2), np.float32)
         self._all_rows = np.arange(n)
         self._needs: tuple[Needs, Needs] | None = None  # those of the two pools that were last seen to
-        self._parts: list[Part] = []  # of both players' interfaces
-        self._delayed = False  # whether one of them delays actions
         self._sent = self._no_actions, self._no_actions  # the actions of the last step
         self._see_to_needs()
         self.begun = False
         self.seeded = False
         self.action_names = ("left", "right")
         """What errors call the actions of the two players."""
-        self.plain = self.pixels is None and self.stacks == (1, 1)
+        self.plain = self.pixels is None and stacks == (1, 1)
         """Whether `observations` are those in `out`."""
         self.one_table = False
         """Whether actions come without an axis of tables, which a game on one table needs not have."""
@@ -235,7 +231,7 @@ class Game:
         """
         rows = self.check_rows(tables)
         checked = self.check_reset_options(options)
-        seeds = self.check_seeds(seed)
+        seeds = check_seeds(seed, self.num_tables)
         self.seed(seeds, rows, lambda n: np.random.SeedSequence().generate_state(n, np.uint64))
         self.begin(rows, checked)
 
@@ -300,13 +296,12 @@ class Game:
         if not self.pools[seat].observes:
             raise fault("seat", "one that the caller or a policy plays, not a scripted player's", seat)
         self._see_to_needs()
-        seen = self.interfaces[seat].seen(self.stacks[seat])
+        seen = self.interfaces[seat].seen()
         return self.as_observations(seen if rows is None else seen[rows], rows)
 
     def final_observations(self, rows: NDArray[np.int64], seat: int = LEFT) -> NDArray[Any]:
         """What a player saw at the end of the episodes that an automatic reset ended on the given tables, likewise."""
-        final = self.interfaces[seat].seen(self.stacks[seat], final=True)
-        return self.as_observations(final[rows], rows, final=True)
+        return self.as_observations(self.interfaces[seat].seen(final=True)[rows], rows, final=True)
 
     def contacts(self) -> NDArray[np.void]:
         """The contacts of the last step, a copy: (N, CONTACT_ROWS) records of `CONTACT`.
@@ -394,7 +389,7 @@ class Game:
             streams.update({i: drawn[i] for i in missing})
         for i, seed in streams.items():
             self.states["stream"][i] = stream_from_seed(int(seed))
-            for part in self._parts:
+            for part in self.interfaces.parts:
                 part.seed(i, int(seed))
         self.seeded = True
 
@@ -403,7 +398,7 @@ class Game:
         sides = np.full(len(rows), SERVERS[options.serve], np.int64)
         given = (self.states, self.parameters, self.settings, self.ranges)
         reset_rows(rows, sides, options.puck(), *given, self.out)
-        for part in self._parts:
+        for part in self.interfaces.parts:
             part.start(rows)
         self.begun = self.begun or bool(self.states["side"].all())  # a puck that was served is on a side
 
@@ -477,19 +472,10 @@ class Game:
         """
         if self.pixels is None:
             return observations.copy()
-        shape = observations.shape[:-1]
         parameters = self.parameters if rows is None or len(self.parameters) == 1 else self.parameters[rows]
         if final and self.randomized:
             parameters = with_specs(parameters, self.out.final_spec if rows is None else self.out.final_spec[rows])
-        if len(shape) > 1:
-            observations = observations.reshape(-1, observations.shape[-1])
-            parameters = parameters if len(parameters) == 1 else np.repeat(parameters, shape[1])
-        n = len(observations)
-        background = self.pixels.background(parameters)
-        frames = self.pixels.blank(n, again=rows is None)
-        self._threads.share(n, PICTURES_PER_THREAD, self.pixels.draw, observations, parameters, background, frames)
-        pictures = frames if frames.shape[-1] > 1 else frames[..., 0]
-        return pictures.reshape(*shape, *pictures.shape[1:])
+        return self.pixels.pictures(observations, parameters, self._threads, again=rows is None)
 
     def exact_observations(self, seat: int = LEFT) -> NDArray[np.float32]:
         """A player's state observations as they would be without a camera, a fresh array: (N, 13)."""
@@ -516,31 +502,13 @@ class Game:
         """
         return check_reset_options(options, self.spec, int(self.settings["task"][0]), bool(self.randomized))
 
-    def check_seeds(self, seed: Any) -> list[int | None]:
-        """Seeds of the tables, one for each: from the first one's, or from a list of them.
-
-        Raises:
-            ValueError: not whole numbers from 0 up, or not one for each table.
-        """
-        n = self.num_tables
-        if seed is None:
-            return [None] * n
-        if not isinstance(seed, (list, tuple)) and np.ndim(seed) == 0:
-            first = check_seed(seed)
-            return [first + i for i in range(n)]
-        if len(seed) != n:
-            raise ValueError(f"seed must hold one seed for each of {n} tables, got {len(seed)}")
-        return [None if one is None else check_seed(one) for one in seed]
-
     def set_camera(self, camera: CameraLike | Sequence[CameraLike | None] | None) -> None:
         """Put other cameras, or none, before the players; `reset` every table afterwards.
 
         Raises:
             ValueError: no such camera.
         """
-        self.interfaces = self._make_interfaces(_pair_of_cameras(camera))
-        for pool, interface in zip(self.pools, self.interfaces, strict=True):
-            pool.look_through(interface)
+        self.interfaces.set_camera(camera)
         self.states["side"] = 0
         self.begun = self.seeded = False
         self._needs = None
@@ -552,32 +520,21 @@ class Game:
         members = None if players is None else resolve_players(name, players)
         return Pool(name, seat, members, self.states, self._drivers, self.interfaces[seat], self._threads)
 
-    def _make_interfaces(self, cameras: Sequence[Camera | None]) -> tuple[PlayerInterface, PlayerInterface]:
-        left, right = (
-            PlayerInterface(seat, self._tables, self.control_hz, cameras[seat], self._action_delays[seat])
-            for seat in SEATS
-        )
-        return left, right
-
     def _see_to_needs(self) -> None:
         """Work out, and remember, what those look at who play now, and nothing else."""
         needs = self.pools[LEFT].needs, self.pools[RIGHT].needs
         if needs == self._needs:
             return
         self._needs = needs
-        stacks = [max(self.stacks[seat], needs[seat].stack) for seat in SEATS]
         before = self.settings["observed"][0].tolist()
         # Cameras and histories look on whoever plays: a policy that comes into the pool knows what it would know.
-        observed = [needs[seat].observes or stacks[seat] > 1 or self.interfaces[seat].looks_on for seat in SEATS]
+        observed = [needs[seat].observes or self.interfaces[seat].looks_on(needs[seat].stack) for seat in SEATS]
         self.settings["observed"] = observed
         if any(observed[seat] > before[seat] for seat in SEATS):
             begun = np.flatnonzero(self.states["side"])
             if len(begun):
                 self._refresh(begun)
-        for seat in SEATS:
-            self.interfaces[seat].remember(stacks[seat])
-        self._parts = [part for interface in self.interfaces for part in interface.parts]
-        self._delayed = any(interface.delay is not None for interface in self.interfaces)
+        self.interfaces.remember(needs[LEFT].stack, needs[RIGHT].stack)
 
     def _step_rows(self, first: int, last: int, left: NDArray[np.float32], right: NDArray[np.float32]) -> None:
         fixed = (self.states, self.parameters, self.settings, self.ranges, self._drivers)
@@ -585,27 +542,18 @@ class Game:
             _step_code.append(
                 machine_code(step_rows, first, last, *fixed, self._no_actions, self._no_actions, self.out)
             )
-        left_played, right_played = left, right
-        if self._delayed:
-            left_played = self.interfaces[LEFT].act(first, last, left)
-            right_played = self.interfaces[RIGHT].act(first, last, right)
-        _step_code[0](first, last, *fixed, left_played, right_played, self.out)
-        for part in self._parts:
+        played = left, right
+        if self.interfaces.delayed:
+            played = self.interfaces[LEFT].act(first, last, left), self.interfaces[RIGHT].act(first, last, right)
+        _step_code[0](first, last, *fixed, *played, self.out)
+        for part in self.interfaces.parts:
             part.follow(first, last, right if part.seat else left)
 
     def _refresh(self, rows: NDArray[np.int64]) -> None:
         """Bring the outputs of the given tables up to date after their states were changed from outside."""
         refresh_rows(rows, self.states, self.parameters, self.settings, self.out)
-        for part in self._parts:
+        for part in self.interfaces.parts:
             part.show(rows)
-
-
-def _pair_of_cameras(given: Any) -> list[Camera | None]:
-    """The cameras of the left and of the right player."""
-    pair = given if isinstance(given, (list, tuple)) else (given, given)
-    if len(pair) != 2:
-        raise fault("camera", "one camera for both players or a pair (left, right)", given)
-    return [None if one is None else resolve_camera(one) for one in pair]
 
 
 def _autoreset_mode(given: Any) -> AutoresetMode:

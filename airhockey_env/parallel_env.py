@@ -166,7 +166,9 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
         self._set_up(game, render_mode, render_size, ("actions['left']", "actions['right']"))
         self.possible_agents = list(AGENTS)
         self.agents: list[str] = []
-        self.observation_spaces = {agent: observation_space(game.obs_type, game.stacks[LEFT]) for agent in AGENTS}
+        self.observation_spaces = {
+            agent: observation_space(game.obs_type, game.interfaces[LEFT].stack) for agent in AGENTS
+        }
         self.action_spaces = {agent: action_space(game.continuous) for agent in AGENTS}
         self.state_space = observation_space()
 

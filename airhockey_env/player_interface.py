@@ -1,237 +1,20 @@
-"""What stands between a player and the table: a delay of its actions, a camera, and a history of what it saw and did.
-
-A `PlayerInterface` is all that for the player of one seat, on all tables of a game. It consists of parts, each of which
-does its share of what happens to a game: an episode begins, a step is played, a state is saved or put back.
-"""
+"""What stands between the players and the table: delays of their actions, cameras, and histories."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from airhockey_env.cameras import Camera
-from airhockey_env.kernel.action_delay import begin_delays, delay_actions, follow_delays, make_delay
-from airhockey_env.kernel.camera import (
-    ARRIVES,
-    CAMERA_STATE,
-    MOMENT,
-    VELOCITY_FRAMES,
-    derive_rows,
-    follow_rows,
-    make_camera,
-    show_rows,
-    start_rows,
-)
-from airhockey_env.kernel.history import follow_history, longer, start_history
-from airhockey_env.kernel.outputs import Outputs
-from airhockey_env.kernel.state import AUTORESET_SAME_STEP, OBSERVATION_SIZE, ROW_SIZE
-
-_CAMERA_FLOATS = tuple(name for name in CAMERA_STATE.names or () if CAMERA_STATE[name].base.kind == "f")
+from airhockey_env.cameras import resolve_camera
+from airhockey_env.checks import fault
+from airhockey_env.interface_parts import CameraPart, DelayPart, HistoryPart, Part, Tables
+from airhockey_env.kernel.state import LEFT, RIGHT
 
 SIDES = ("left", "right")
 """What the fields of saved states begin with."""
-
-
-class Tables(NamedTuple):
-    """What the parts of a player's interface need of the game."""
-
-    parameters: NDArray[np.void]  # (1,) or (N,) PARAMETERS
-    settings: NDArray[np.void]  # (1,) SETTINGS
-    drivers: NDArray[np.int8]  # (2, N): who drives each paddle
-    out: Outputs
-
-
-def _stream(seed: int, number: int) -> np.uint64:
-    """The state of a random stream of a table's own, besides the one that the game has for this seed."""
-    return np.random.SeedSequence(seed, spawn_key=(number,)).generate_state(1, np.uint64)[0]
-
-
-class Part:
-    """One thing between the player of a seat and the table. What it does not need to do, it leaves as it is here."""
-
-    what = ""
-    """What errors call it."""
-
-    def __init__(self, seat: int, tables: Tables) -> None:
-        self.seat, self._tables = seat, tables
-
-    def kept(self) -> dict[str, NDArray[Any]]:
-        """All that it keeps of the tables and that decides what follows: arrays (N, ...), by what they are called."""
-        return {}
-
-    def seed(self, i: int, seed: int) -> None:
-        """Start its random stream of table i."""
-
-    def start(self, rows: NDArray[np.int64]) -> None:
-        """Begin an episode on the given tables, after `reset_rows`."""
-
-    def follow(self, first: int, last: int, actions: NDArray[np.float32]) -> None:
-        """Follow a step of the tables `first` to `last` (excluded), after `step_rows`.
-
-        Args:
-            actions: (N, 2) what the caller or a policy has sent, on the tables where one of them plays.
-        """
-
-    def show(self, rows: NDArray[np.int64]) -> None:
-        """Bring the given tables up to date after `refresh_rows`."""
-
-    def could_be(
-        self, saved: Mapping[str, NDArray[Any]], states: NDArray[np.void], parameters: NDArray[np.void]
-    ) -> bool:
-        """Whether it could be in saved states, (n, ...) by the names of `kept`: compiled code counts on it.
-
-        Args:
-            saved: by these names.
-            states: (n,) `STATE` of the same tables.
-            parameters: (1,) or (n,) `PARAMETERS` likewise.
-        """
-        return True
-
-
-class DelayPart(Part):
-    """A delay of the player's actions."""
-
-    what = "delay of actions"
-
-    def __init__(
-        self, seat: int, tables: Tables, delay_ms: tuple[float, float], num_tables: int, control_hz: float
-    ) -> None:
-        super().__init__(seat, tables)
-        self.arrays = make_delay(*delay_ms, num_tables, control_hz)
-
-    def kept(self) -> dict[str, NDArray[Any]]:
-        return {"action_delay": self.arrays.states, "sent_actions": self.arrays.sent}
-
-    def seed(self, i: int, seed: int) -> None:
-        self.arrays.states["stream"][i] = _stream(seed, 3 + self.seat)
-
-    def act(self, first: int, last: int, actions: NDArray[np.float32]) -> NDArray[np.float32]:
-        """What the paddles on the tables `first` to `last` (excluded) obey in the coming step, (N, 2)."""
-        delay_actions(first, last, self._tables.drivers[self.seat], actions, self.arrays)
-        return self.arrays.played
-
-    def start(self, rows: NDArray[np.int64]) -> None:
-        begin_delays(rows, self.arrays)
-
-    def follow(self, first: int, last: int, actions: NDArray[np.float32]) -> None:
-        follow_delays(first, last, self._tables.out.began, self.arrays)
-
-    def could_be(
-        self, saved: Mapping[str, NDArray[Any]], states: NDArray[np.void], parameters: NDArray[np.void]
-    ) -> bool:
-        state, sent, (low, high) = saved["action_delay"], saved["sent_actions"], self.arrays.range
-        return bool(
-            ((state["steps"] >= low) & (state["steps"] <= high)).all()
-            and ((state["next"] >= 0) & (state["next"] < sent.shape[1])).all()
-            and (np.abs(sent) <= 1.0).all()
-        )
-
-
-class CameraPart(Part):
-    """A camera, which shows the player the opponent's paddle and the puck."""
-
-    what = "camera"
-
-    def __init__(self, seat: int, tables: Tables, camera: Camera, num_tables: int, control_hz: float) -> None:
-        super().__init__(seat, tables)
-        self.arrays = make_camera(camera, num_tables, control_hz)
-
-    def kept(self) -> dict[str, NDArray[Any]]:
-        camera, ranges, states, queue, past = self.arrays
-        kept = {"camera": states, "camera_queue": queue, "camera_past": past}
-        return {**kept, "camera_drawn": camera} if len(ranges) else kept
-
-    def seed(self, i: int, seed: int) -> None:
-        self.arrays.states["stream"][i] = _stream(seed, 1 + self.seat)
-
-    def start(self, rows: NDArray[np.int64]) -> None:
-        start_rows(rows, self.seat, self._tables.parameters, self.arrays, self._tables.out)
-
-    def follow(self, first: int, last: int, actions: NDArray[np.float32]) -> None:
-        follow_rows(first, last, self.seat, self._tables.parameters, self.arrays, self._tables.out)
-
-    def show(self, rows: NDArray[np.int64]) -> None:
-        show_rows(rows, self.seat, self.arrays, self._tables.out)
-
-    def could_be(
-        self, saved: Mapping[str, NDArray[Any]], states: NDArray[np.void], parameters: NDArray[np.void]
-    ) -> bool:
-        arrays, state = self.arrays, saved["camera"]
-        queue, past, camera = saved["camera_queue"], saved["camera_past"], saved.get("camera_drawn", arrays.camera)
-        begun = states["side"] != 0
-        due = np.floor((state["step"] + MOMENT) * camera["camera_hz"] / camera["control_hz"]) + 1
-        latest = state["step"] + camera["delay"] + camera["jitter"] + 2.0 * MOMENT  # that a frame so far can arrive
-        frames = np.maximum(camera["frames"], 1)[:, np.newaxis]
-        per_disc = [
-            [parameters[name] for name in ("per_x", "per_y", speed, speed)] for speed in ("per_paddle", "per_puck")
-        ]
-        scale = np.moveaxis(np.array(per_disc), -1, 0)
-        return bool(
-            self._could_be_drawn(camera)
-            and all(np.isfinite(array).all() for array in (*(state[name] for name in _CAMERA_FLOATS), queue, past))
-            and ((state["first"] >= 0) & (state["first"] < queue.shape[1])).all()
-            and ((state["waiting"] >= 0) & (state["waiting"] <= queue.shape[1])).all()
-            and ((state["known"] >= 0) & (state["known"] <= frames)).all()
-            and ((state["next"] >= 0) & (state["next"] < frames)).all()
-            and ((state["step"] == states["steps"]) | ~begun).all()
-            and ((np.abs(state["frame"] - due) <= 1) | ~begun).all()
-            and (queue[..., ARRIVES].max(axis=1) <= latest).all()
-            and ((state["scale"] == scale).all(axis=(1, 2)) | ~begun).all()
-        )
-
-    def _could_be_drawn(self, camera: NDArray[np.void]) -> bool:
-        """Whether these are cameras that episodes draw: in the ranges, and with all else following from that."""
-        ranges = self.arrays.ranges
-        derived = camera.copy()
-        if len(ranges):
-            derived["control_hz"] = self.arrays.camera["control_hz"][0]
-            derived["spec"] = np.clip(camera["spec"], ranges[:, 0], ranges[:, 1])
-            derived["spec"][:, VELOCITY_FRAMES] = np.floor(derived["spec"][:, VELOCITY_FRAMES])
-            derive_rows(derived)
-        return bool(np.isfinite(camera["spec"]).all()) and derived.tobytes() == camera.tobytes()
-
-
-class HistoryPart(Part):
-    """What the player has seen and done last."""
-
-    what = "history"
-
-    def __init__(self, seat: int, tables: Tables, length: int) -> None:
-        super().__init__(seat, tables)
-        first = np.zeros((tables.drivers.shape[1], 1, ROW_SIZE), np.float32)
-        first[:, 0, :OBSERVATION_SIZE] = tables.out.observation[seat]
-        self.rows = first
-        self.lengthen(length)
-
-    def lengthen(self, length: int) -> None:
-        """Keep so many rows from now on."""
-        self.rows = longer(self.rows, length)
-        same_step = self._tables.settings["autoreset"][0] == AUTORESET_SAME_STEP
-        self.final = np.zeros((len(self.rows) if same_step else 0, *self.rows.shape[1:]), np.float32)
-
-    def kept(self) -> dict[str, NDArray[Any]]:
-        return {"history": self.rows}
-
-    def start(self, rows: NDArray[np.int64]) -> None:
-        start_history(rows, self.rows, self._tables.out.observation[self.seat])
-
-    def follow(self, first: int, last: int, actions: NDArray[np.float32]) -> None:
-        out, seat = self._tables.out, self.seat
-        observations = out.observation[seat], out.final_observation[seat]
-        ends = out.began, out.terminated, out.truncated
-        drivers = self._tables.drivers[seat]
-        follow_history(first, last, drivers, actions, self.rows, self.final, *observations, *ends)
-
-    def show(self, rows: NDArray[np.int64]) -> None:
-        self.rows[rows, -1, :OBSERVATION_SIZE] = self._tables.out.observation[self.seat][rows]
-
-    def could_be(
-        self, saved: Mapping[str, NDArray[Any]], states: NDArray[np.void], parameters: NDArray[np.void]
-    ) -> bool:
-        return bool((np.abs(saved["history"]) <= 1.0).all())
 
 
 class PlayerInterface:
@@ -240,38 +23,61 @@ class PlayerInterface:
     Args:
         seat: LEFT or RIGHT.
         tables: of the game.
-        control_hz: control steps a second.
-        camera: what the player sees the game through; None for exact states.
-        action_delay_ms: the delay of its actions, or the range (low, high) that it is drawn from.
+        stack: how many observations the caller is shown at once.
+        action_delay_ms: the delay of actions, or the range (low, high) that it is drawn from.
 
     Attributes:
+        stack: as above.
         delay, camera, history: the parts, None where there is none.
-        parts: those that there are, in the order in which they follow a step.
     """
 
-    def __init__(
-        self,
-        seat: int,
-        tables: Tables,
-        control_hz: float,
-        camera: Camera | None,
-        action_delay_ms: float | tuple[float, float],
-    ) -> None:
-        self._seat, self._tables = seat, tables
-        n = tables.drivers.shape[1]
-        ends = action_delay_ms if isinstance(action_delay_ms, tuple) else (action_delay_ms, action_delay_ms)
-        self.delay = DelayPart(seat, tables, ends, n, control_hz) if ends[1] > 0.0 else None
-        self.camera = None if camera is None else CameraPart(seat, tables, camera, n, control_hz)
+    def __init__(self, seat: int, tables: Tables, stack: int, action_delay_ms: float | tuple[float, float]) -> None:
+        self._seat, self._tables, self.stack = seat, tables, stack
+        low, high = action_delay_ms if isinstance(action_delay_ms, tuple) else (action_delay_ms, action_delay_ms)
+        self.delay = DelayPart(seat, tables, low, high) if high > 0.0 else None
+        self.camera: CameraPart | None = None
         self.history: HistoryPart | None = None
-        self._gather()
-
-    def _gather(self) -> None:
-        self.parts = tuple(part for part in (self.delay, self.camera, self.history) if part is not None)
 
     @property
-    def looks_on(self) -> bool:
-        """Whether a part follows what there is to see, whoever plays."""
-        return self.camera is not None or self.history is not None
+    def parts(self) -> list[Part]:
+        """The parts that there are, in the order in which they follow a step."""
+        return [part for part in (self.delay, self.camera, self.history) if part is not None]
+
+    def set_camera(self, camera: Any) -> None:
+        """Let the player see through a camera, as `resolve_camera` takes it; or exactly, with None."""
+        self.camera = None if camera is None else CameraPart(self._seat, self._tables, resolve_camera(camera))
+
+    @property
+    def rows(self) -> int:
+        """How many observations are kept, the present one included."""
+        return 1 if self.history is None else self.history.rows.shape[1]
+
+    def looks_on(self, stack: int) -> bool:
+        """Whether it follows what there is to see, whoever plays, for players with stacks up to this one."""
+        return self.camera is not None or max(stack, self.stack, self.rows) > 1
+
+    def remember(self, stack: int) -> None:
+        """Keep as many observations as the caller and players with stacks up to this one need, and never fewer."""
+        rows = max(stack, self.stack)
+        if rows <= self.rows:
+            return
+        if self.history is None:
+            self.history = HistoryPart(self._seat, self._tables, rows)
+        else:
+            self.history.lengthen(rows)
+
+    def seen(self, stack: int | None = None, final: bool = False) -> NDArray[np.float32]:
+        """What a player with this stack is shown: (N, 13), or (N, stack, 15) if it is more than 1; not copies.
+
+        Args:
+            stack: at most `rows`; None for the caller's.
+            final: what it saw at the end of episodes, where an automatic reset began others in the same step.
+        """
+        stack = self.stack if stack is None else stack
+        if stack == 1 or self.history is None:
+            out = self._tables.out
+            return (out.final_observation if final else out.observation)[self._seat]
+        return (self.history.final if final else self.history.rows)[:, -stack:]
 
     def act(self, first: int, last: int, actions: NDArray[np.float32]) -> NDArray[np.float32]:
         """What the paddles on the tables `first` to `last` (excluded) obey in the coming step, (N, 2).
@@ -281,42 +87,71 @@ class PlayerInterface:
         """
         return actions if self.delay is None else self.delay.act(first, last, actions)
 
-    @property
-    def rows(self) -> int:
-        """How many observations are kept, the present one included."""
-        return 1 if self.history is None else self.history.rows.shape[1]
 
-    def remember(self, rows: int) -> None:
-        """Keep so many observations from now on, or as many as before if that is more."""
-        if rows <= self.rows:
-            return
-        if self.history is None:
-            self.history = HistoryPart(self._seat, self._tables, rows)
-            self._gather()
-        else:
-            self.history.lengthen(rows)
+class PlayerInterfaces:
+    """The interfaces of both players of a game, by their seats.
 
-    def seen(self, stack: int = 1, final: bool = False) -> NDArray[np.float32]:
-        """What a player with this stack is shown: (N, 13), or (N, stack, 15) if it is more than 1; not copies.
+    Args:
+        tables: of the game.
+        stacks: how many observations the caller is shown at once, of the left and of the right player.
+        action_delays_ms: the delays of their actions, each a number or a range (low, high).
+        camera: what they see the game through, for both or a pair (left, right); None for exact states.
 
-        Args:
-            stack: at most `rows`.
-            final: what it saw at the end of episodes, where an automatic reset began others in the same step.
+    Attributes:
+        parts: those of both.
+        delayed: whether one of them delays actions.
+
+    Raises:
+        ValueError: no such camera.
+    """
+
+    def __init__(self, tables: Tables, stacks: Sequence[int], action_delays_ms: Sequence[Any], camera: Any) -> None:
+        left, right = (PlayerInterface(seat, tables, stacks[seat], action_delays_ms[seat]) for seat in (LEFT, RIGHT))
+        self._of_seats = left, right
+        self.delayed = left.delay is not None or right.delay is not None
+        self.parts: list[Part] = []
+        self.set_camera(camera)
+
+    def __getitem__(self, seat: int) -> PlayerInterface:
+        return self._of_seats[seat]
+
+    def set_camera(self, camera: Any) -> None:
+        """Put other cameras, or none, before the players.
+
+        Raises:
+            ValueError: no such camera. Nothing has changed then.
         """
-        if stack == 1 or self.history is None:
-            out = self._tables.out
-            return (out.final_observation if final else out.observation)[self._seat]
-        return (self.history.final if final else self.history.rows)[:, -stack:]
+        pair = camera if isinstance(camera, (list, tuple)) else (camera, camera)
+        if len(pair) != 2:
+            raise fault("camera", "one camera for both players or a pair (left, right)", camera)
+        resolved = [None if one is None else resolve_camera(one) for one in pair]
+        for interface, one in zip(self._of_seats, resolved, strict=True):
+            interface.set_camera(one)
+        self._gather()
+
+    def remember(self, left_stack: int, right_stack: int) -> None:
+        """Keep as many observations as players in the two seats with stacks up to these need; see `PlayerInterface`."""
+        self[LEFT].remember(left_stack)
+        self[RIGHT].remember(right_stack)
+        self._gather()
+
+    def _gather(self) -> None:
+        self.parts = [part for interface in self._of_seats for part in interface.parts]
 
     def saved_fields(self) -> dict[str, NDArray[Any]]:
         """All that the parts keep of the tables, arrays (N, ...), by the names that saved states have for them."""
-        return {f"{SIDES[self._seat]}_{name}": array for part in self.parts for name, array in part.kept().items()}
+        return {_named(part, name): array for part in self.parts for name, array in part.kept().items()}
 
     def check(self, saved: NDArray[np.void], states: NDArray[np.void], parameters: NDArray[np.void]) -> None:
         """Raises ValueError unless all parts could be in these saved states; see `Part.could_be`."""
         for part in self.parts:
-            own = {name: saved[f"{SIDES[self._seat]}_{name}"] for name in part.kept()}
+            own = {name: saved[_named(part, name)] for name in part.kept()}
             if not part.could_be(own, states, parameters):
                 raise ValueError(
                     f"state must hold what this game's {part.what} can know, got another {part.what}'s or a damaged one"
                 )
+
+
+def _named(part: Part, name: str) -> str:
+    """What saved states call an array that a part keeps."""
+    return f"{SIDES[part.seat]}_{name}"

@@ -2,34 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from airhockey_env.kernel.state import PARAMETERS, STATE
-from airhockey_env.player_interface import PlayerInterface
+from airhockey_env.player_interface import PlayerInterfaces
 
 _FLOATS = tuple(name for name in STATE.names or () if STATE[name].base.kind == "f")
 
-Interfaces = Sequence[PlayerInterface]
-"""What stands between the players and the table."""
 
-
-def state_dtype(randomized: bool, interfaces: Interfaces) -> np.dtype:
+def state_dtype(randomized: bool, interfaces: PlayerInterfaces | None) -> np.dtype:
     """The record that `Game.get_state` returns for one table.
 
     `STATE` alone where that is everything; else the fields `state`, `parameters` with tables that are drawn for every
-    episode, and those of the players' interfaces, such as `left_camera` or `right_history`.
+    episode, and those of the players' interfaces, such as `left_camera` or `right_history`. With None for these, it
+    is the record of a table without what stands between it and its players.
     """
     fields: list[Any] = [("parameters", PARAMETERS)] if randomized else []
     fields += [(name, array.dtype, array.shape[1:]) for name, array in _arrays(interfaces).items()]
     return np.dtype([("state", STATE), *fields]) if fields else STATE
 
 
-def _arrays(interfaces: Interfaces) -> dict[str, NDArray[Any]]:
-    return {name: array for interface in interfaces for name, array in interface.saved_fields().items()}
+def _arrays(interfaces: PlayerInterfaces | None) -> dict[str, NDArray[Any]]:
+    return {} if interfaces is None else interfaces.saved_fields()
 
 
 def game_state(saved: NDArray[np.void]) -> NDArray[np.void]:
@@ -42,7 +39,7 @@ def save(
     states: NDArray[np.void],
     parameters: NDArray[np.void],
     randomized: bool,
-    interfaces: Interfaces,
+    interfaces: PlayerInterfaces | None,
 ) -> NDArray[np.void]:
     """Copies of everything that decides what happens next on the given tables: (n,) records."""
     dtype = state_dtype(randomized, interfaces)
@@ -63,7 +60,7 @@ def restore(
     states: NDArray[np.void],
     parameters: NDArray[np.void],
     randomized: bool,
-    interfaces: Interfaces,
+    interfaces: PlayerInterfaces | None,
 ) -> None:
     """Put checked states back, onto the given tables."""
     states[rows] = game_state(saved)
@@ -74,7 +71,11 @@ def restore(
 
 
 def check_state(
-    saved: Any, shape: tuple[int, ...], parameters: NDArray[np.void], randomized: bool, interfaces: Interfaces
+    saved: Any,
+    shape: tuple[int, ...],
+    parameters: NDArray[np.void],
+    randomized: bool,
+    interfaces: PlayerInterfaces | None,
 ) -> None:
     """Whether these are states that tables of such a game could be in.
 
@@ -83,7 +84,7 @@ def check_state(
         shape: (n,), of so many tables.
         parameters: (1,) or (N,) `PARAMETERS` of the game.
         randomized: whether its tables are drawn for every episode.
-        interfaces: the game's.
+        interfaces: the game's players'.
 
     Raises:
         ValueError: they are not.
@@ -105,5 +106,5 @@ def check_state(
     if randomized and (surface["tick"] != parameters["tick"][0]).any():
         hz = 1.0 / parameters["tick"][0]
         raise ValueError(f"state must be of a game at control_hz {hz:g}, as this one is, got that of another game")
-    for interface in interfaces:
-        interface.check(saved, table, surface)
+    if interfaces is not None:
+        interfaces.check(saved, table, surface)

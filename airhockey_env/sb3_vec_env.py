@@ -109,8 +109,8 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
         )
         self._set_up(game, render_mode, render_size, ("actions", "opponent"))
         self._actions: np.ndarray | None = None
-        space = observation_space(game.obs_type, game.stacks[LEFT])
-        self._adds_channels = game.obs_type == "grayscale" and game.stacks[LEFT] == 1
+        space = observation_space(game.obs_type, game.interfaces[LEFT].stack)
+        self._adds_channels = game.obs_type == "grayscale" and game.interfaces[LEFT].stack == 1
         if self._adds_channels:
             space = spaces.Box(0, 255, (*space.shape, 1), np.uint8)
         metadata = self.metadata

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env._base import BatchEnv, warn_of_no_render_mode
 from airhockey_env.cameras import Camera
-from airhockey_env.checks import check_action_delay, check_skill, check_stack, check_whole
+from airhockey_env.checks import check_action_delay, check_seeds, check_skill, check_stack, check_whole
 from airhockey_env.final_observations import FinalObservations
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT
@@ -105,7 +105,7 @@ class AirHockeyVectorEnv(BatchEnv, VectorEnv):
         ]
         self.metadata["autoreset_mode"] = self.autoreset_mode
         self.num_envs = game.num_tables
-        self.single_observation_space = observation_space(game.obs_type, game.stacks[LEFT])
+        self.single_observation_space = observation_space(game.obs_type, game.interfaces[LEFT].stack)
         self.single_action_space = action_space(game.continuous)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
@@ -133,7 +133,7 @@ class AirHockeyVectorEnv(BatchEnv, VectorEnv):
             mask = options.pop("reset_mask", None)
         mask = self._check_mask(mask)
         checked = self._game.check_reset_options(options)
-        seeds = self._game.check_seeds(seed)
+        seeds = check_seeds(seed, self.num_envs)
         super().reset(seed=int(seed) if isinstance(seed, (int, np.integer)) else None)
         rows = np.flatnonzero(mask)
         self._game.seed(seeds, rows, lambda n: self.np_random.integers(2**63, size=n))

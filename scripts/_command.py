@@ -1,9 +1,10 @@
-"""What the commands have in common: reading the command line, and one clear line for what goes wrong."""
+"""What the commands have in common: reading the command line, and one clear message for what goes wrong."""
 
 from __future__ import annotations
 
 import io
 import sys
+import textwrap
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -13,6 +14,9 @@ from gymnasium.error import DependencyNotInstalled
 from agents.options import check_resumed
 
 Args = TypeVar("Args")
+
+COLUMNS = 80
+"""Of the lines of an error."""
 
 
 def run_command(
@@ -28,7 +32,7 @@ def run_command(
             given are then told from defaults by reading the command line with the run's own arguments as defaults.
 
     Whatever a user can set right (a wrong argument, a file that is missing or damaged, a full disk) ends the process
-    with one line and exit code 1; Ctrl-C ends it with 130.
+    with one message, in lines of 80 columns, and exit code 1; Ctrl-C ends it with 130.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -44,6 +48,11 @@ def run_command(
         print("\nStopped.", file=sys.stderr)
         sys.exit(130)
     except MemoryError as error:
-        sys.exit(f"{name}: not enough memory: {error}")
+        sys.exit(in_lines(f"{name}: not enough memory: {error}"))
     except (ValueError, OSError, DependencyNotInstalled) as error:
-        sys.exit(f"{name}: {error}")
+        sys.exit(in_lines(f"{name}: {error}"))
+
+
+def in_lines(message: str) -> str:
+    """A message in lines of at most 80 columns; longer words, such as paths, are never broken."""
+    return textwrap.fill(message, COLUMNS, break_long_words=False, break_on_hyphens=False)

@@ -29,7 +29,7 @@ def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
             failed = False
         except SystemExit as stop:  # anything else would be a traceback
             failed = stop.code not in (None, 0)
-            message = stop.code if isinstance(stop.code, str) else ""
+            message = " ".join(stop.code.split()) if isinstance(stop.code, str) else ""  # however its lines are broken
         printed = capsys.readouterr()
         everything = f"{printed.out}{printed.err}{message}"
         assert failed == fails, everything

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from airhockey_env import PRESETS, AirHockeyEnv, TableSpec
-from airhockey_env.tables import CHALLENGE, FULL_SIZE, IDEAL, resolve_table
-from tests.helpers import INF, NAN
+from airhockey_env.tables import CHALLENGE, FULL_SIZE, IDEAL, TABLES, resolve_table
+from tests.api.apis import APIS
+from tests.helpers import INF, NAN, begin, snapshot
 
 FIELDS = [field.name for field in dataclasses.fields(TableSpec)]
 SHARES = ["wall_restitution", "wall_tangential", "paddle_restitution"]
@@ -46,6 +47,40 @@ def test_presets_keep_to_the_rules_and_to_people(spec):
     assert 2.0 * spec.paddle_radius <= 0.103  # greatest mallet that the rules allow
     hardest = (1.0 + FULL_SIZE.paddle_restitution) * spec.paddle_speed
     assert 8.0 < hardest < 9.7 < spec.puck_speed  # the hardest shot at a still puck; people's peak
+
+
+@pytest.mark.parametrize("name", ["full_size", "challenge"])
+def test_the_named_ranges_contain_the_measured_tables(name):
+    for field, (low, high) in TABLES.items():
+        assert low <= MEASURED[name][field] <= high
+
+
+def glide(table, speed):
+    return table["drag_constant"] + table["drag_linear"] * speed + table["drag_quadratic"] * speed**2
+
+
+def test_the_named_ranges_cover_the_measured_drags_and_more():
+    least, greatest = (glide({name: ends[side] for name, ends in TABLES.items()}, 2.0) for side in (0, 1))
+    measured = [glide(MEASURED[name], 2.0) for name in ("full_size", "challenge")]
+    assert measured[1] > 6.0 * measured[0]
+    assert least < measured[0] and greatest > measured[1]
+
+
+@pytest.mark.parametrize("api", APIS)
+def test_every_api_draws_from_named_ranges(api):
+    named, written = (APIS[api](randomize=ranges) for ranges in ("tables", TABLES))
+    assert snapshot(begin(named)) == snapshot(begin(written))
+    drawn = named.get_attr("table") if hasattr(named, "env_method") else named.table
+    for table in drawn if isinstance(drawn, (list, tuple)) else [drawn]:
+        for field in FIELDS:
+            low, high = TABLES.get(field, (getattr(FULL_SIZE, field),) * 2)
+            assert low <= getattr(table, field) <= high
+
+
+@pytest.mark.parametrize("api", APIS)
+def test_ranges_without_that_name(api):
+    with pytest.raises(ValueError, match=r"^randomize .*'tables'.*'worlds'"):
+        APIS[api](randomize="worlds")
 
 
 @pytest.mark.parametrize("name", FIELDS)

@@ -41,7 +41,7 @@ class Grid:
 
 def camera_grid() -> Grid:
     """Delays and noises of a camera that is otherwise `ROBOT`, on the full-size table."""
-    delays, noises = Axis("delay, ms", (0, 10, 20, 30, 45)), Axis("noise, mm", (0, 1, 2, 4, 6))
+    delays, noises = Axis("delay, ms", (0, 10, 20, 30, 45)), Axis("noise, mm", (0, 1, 2, 4, 8))
 
     def through(delay: float, noise: float) -> Conditions:
         jitter = 0 if delay == 0 else ROBOT.jitter_ms  # which cannot be greater than the delay
@@ -53,12 +53,15 @@ def camera_grid() -> Grid:
 
 
 def table_grid() -> Grid:
-    """Linear drags and wall restitutions of a table that is otherwise `FULL_SIZE`, seen exactly."""
-    drags = Axis("linear drag, 1/s", (0, 0.1, 0.25, 0.5, 0.8))
-    walls = Axis("wall restitution", (0.6, 0.7, 0.785, 0.9, 1))
+    """Linear drags, and shares of its speed that the puck keeps at a wall, on a table that is otherwise `FULL_SIZE`.
 
-    def on(drag: float, restitution: float) -> Conditions:
-        return Conditions(dataclasses.replace(FULL_SIZE, drag_linear=drag, wall_restitution=restitution))
+    The player sees exact states.
+    """
+    drags = Axis("linear drag, 1/s", (0, 0.1, 0.25, 0.5, 0.8))
+    walls = Axis("wall restitution, normal and tangential", (0.6, 0.7, 0.8, 0.9, 1))
+
+    def on(drag: float, kept: float) -> Conditions:
+        return Conditions(dataclasses.replace(FULL_SIZE, drag_linear=drag, wall_restitution=kept, wall_tangential=kept))
 
     return _grid("Tables, otherwise as full_size", drags, walls, on)
 
@@ -75,6 +78,7 @@ def named_conditions() -> dict[str, Conditions]:
         "ideal": Conditions(IDEAL),
         "camera robot": Conditions(camera=ROBOT),
         "camera slow": Conditions(camera=CAMERAS["slow"]),
+        "robot, actions 20 ms late": Conditions(camera=ROBOT, action_delay_ms=20),
         "ideal, camera robot": Conditions(IDEAL, camera=ROBOT),
         "tables, cameras robots": Conditions(randomize=TABLES, camera=CAMERAS["robots"]),
     }

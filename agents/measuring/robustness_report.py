@@ -15,7 +15,7 @@ from agents.tables import print_table
 
 COLORS = (BLUE, RED, GREEN, ORANGE, PINK, INK)
 
-TITLES = {"named": "Presets and training ranges", "held_out": "Held-out tables (through robot) and cameras"}
+TITLES = {"named": "Presets and training ranges", "held_out": "Held-out tables and cameras"}
 
 
 def print_robustness(cells: Sequence[Cell]) -> None:
@@ -76,7 +76,8 @@ def draw_robustness(cells: Sequence[Cell], title: str, path: Path) -> None:
         axes = areas[-1].subplots(1, len(lists), squeeze=False)[0]
         for axis, part in zip(axes, lists, strict=True):
             _draw_list(axis, [cell for cell in cells if cell.part == part], players, TITLES[part])
-        axes[0].legend(frameon=False, loc="lower left")
+        if len(players) > 1:
+            areas[-1].legend(handles=axes[0].containers, loc="outside upper center", ncols=len(players), frameon=False)
     save_figure(figure, path)
 
 

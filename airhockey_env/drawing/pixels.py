@@ -25,9 +25,13 @@ from numpy.typing import NDArray
 from airhockey_env.compiled import compiled
 from airhockey_env.drawing.raster import blend, draw_ellipse, ellipse, room_for, span
 from airhockey_env.kernel.state import LEFT, PUCK
+from airhockey_env.threads import Threads
 
 CHANNELS = {"rgb": 3, "grayscale": 1}
 """Number of colour channels of each kind of pixel observation."""
+
+PICTURES_PER_THREAD = 64
+"""Fewer pictures than this are not worth waking a thread for."""
 
 SIZE = 84
 """Width and height of a picture, px."""
@@ -228,6 +232,27 @@ class Pixels:
         Several threads may draw different parts of the same frames.
         """
         draw_rows(first, last, observations, parameters, background.reshape(-1), self._colors, frames)
+
+    def pictures(
+        self, observations: NDArray[np.float32], parameters: NDArray[np.void], threads: Threads, again: bool = False
+    ) -> NDArray[np.uint8]:
+        """Pictures of state observations (n, 13), or of the rows of stacks of them (n, stack, 15).
+
+        Args:
+            parameters: (1,) or (n,) `PARAMETERS` of the tables.
+            threads: these share many pictures.
+            again: whether the array may be an earlier one; see `blank`.
+
+        Returns:
+            (n, ..., SIZE, SIZE, 3) uint8 in colours, or (n, ..., SIZE, SIZE) in grey.
+        """
+        shape = observations.shape[:-1]
+        if len(shape) > 1:
+            observations = observations.reshape(-1, observations.shape[-1])
+            parameters = parameters if len(parameters) == 1 else np.repeat(parameters, shape[1])
+        background, frames = self.background(parameters), self.blank(len(observations), again)
+        threads.share(len(frames), PICTURES_PER_THREAD, self.draw, observations, parameters, background, frames)
+        return frames.reshape(*shape, *(frames.shape[1:] if frames.shape[-1] > 1 else frames.shape[1:-1]))
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_kept": []}

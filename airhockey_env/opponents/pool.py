@@ -183,10 +183,6 @@ class Pool:
         """Whether the players look at observations: the caller and policies do, scripted players do not."""
         return self.by_caller or self.asks
 
-    def look_through(self, interface: PlayerInterface) -> None:
-        """Put something else between the players and the table."""
-        self._interface, self._groups = interface, None
-
     def actions(self) -> NDArray[np.float32]:
         """Ask the policies for their actions, (N, 2) float32; rows of tables that scripted players play mean nothing.
 

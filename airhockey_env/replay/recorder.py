@@ -129,7 +129,7 @@ class Recorder:
         """The state of a table, (1,), as it would be in a game of its own."""
         game = self._game
         # What stands between the players and the table decides what they see, not what comes of their actions.
-        state = save(np.array([table]), game.states, game.parameters, bool(game.randomized), ())
+        state = save(np.array([table]), game.states, game.parameters, bool(game.randomized), None)
         game_state(state)["member"] = 0
         return state
 

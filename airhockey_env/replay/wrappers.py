@@ -12,6 +12,7 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, VectorActionWrapper, VectorEnv, VectorWrapper
 from numpy.typing import NDArray
 
+from airhockey_env.checks import check_seeds
 from airhockey_env.env import AirHockeyEnv
 from airhockey_env.kernel.state import RIGHT
 from airhockey_env.replay.dynamics import make_game, play_actions, recorded_name
@@ -112,7 +113,7 @@ class RecordVectorReplay(Recorder, VectorWrapper, RecordConstructorArgs):
         """Begin an episode, and a segment, on every table, or on those of `options["reset_mask"]`."""
         result = self.env.reset(seed=seed, options=options)
         mask = options.get("reset_mask") if isinstance(options, Mapping) else None
-        seeds = self._game.check_seeds(seed)
+        seeds = check_seeds(seed, self._game.num_tables)
         for i, recording in self._recordings.items():
             if mask is None or mask[i]:
                 recording.begin(self._state(i), seeds[i])

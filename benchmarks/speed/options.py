@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gymnasium as gym
 
-from airhockey_env.cameras import ROBOT
+from airhockey_env.cameras import ROBOT, ROBOTS
 from benchmarks.speed import games
 from benchmarks.speed.measure import Effort, Row, ratio, run
 from benchmarks.speed.single import CART, MADE
@@ -28,6 +28,10 @@ def measure(effort: Effort) -> tuple[list[Row], list[str]]:
         games.batch('obs_type="rgb"', n, obs_type="rgb"),
         games.batch('obs_type="grayscale"', n, obs_type="grayscale"),
         games.batch("seen by the camera ROBOT", n, camera=ROBOT),
+        games.batch("seen by drawn cameras, ROBOTS", n, camera=ROBOTS),
+        games.batch("stack=6", n, stack=6),
+        games.batch("action_delay_ms=(5, 30)", n, action_delay_ms=(5, 30)),
+        games.batch("ROBOTS, stack=6 and action_delay_ms=(5, 30)", n, camera=ROBOTS, stack=6, action_delay_ms=(5, 30)),
         games.both_sides("both players controlled by the caller (Game)", n),
         games.pictures("render() of one environment, pictures/s"),
         games.single(MADE, gym.make("AirHockey-v0")),

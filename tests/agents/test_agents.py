@@ -330,6 +330,17 @@ class TestStableBaselines3:
         np.testing.assert_allclose(features[13:15], 6.0 * (puck - paddle), atol=1e-5)
         np.testing.assert_allclose(features[15:17], (env.velocities[2] - env.velocities[0]) / 5.0, atol=1e-5)
 
+    def test_the_features_of_a_stack(self) -> None:
+        env = gym.make("AirHockey-v0", stack=3, camera="robot")
+        env.reset(seed=0)
+        for action in ([1.0, 0.5], [-0.5, 0.25], [0.125, 1.0]):
+            seen, *_ = env.step(np.array(action, np.float32))
+        features = (relative_features(FULL_SIZE, 3) @ seen.ravel()).reshape(3, 19)
+        rows = seen[:, :13] @ relative_features(FULL_SIZE).T
+        np.testing.assert_allclose(features[2, :17], rows[2], atol=1e-5)
+        np.testing.assert_allclose(features[:2, :17], 4.0 * (rows[1:] - rows[:-1]), atol=1e-4)
+        np.testing.assert_array_equal(features[:, 17:], [[1.0, 0.5], [-0.5, 0.25], [0.125, 1.0]])
+
 
 class TestPlayers:
     def test_names_folders_and_files(self, tmp_path: Path) -> None:

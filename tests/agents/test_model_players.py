@@ -8,13 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
-from stable_baselines3 import PPO
+from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecTransposeImage
 
+from agents.conditions import Conditions
 from agents.measuring.evaluation import play_points, play_task
-from agents.models import ModelPlayer, ModelPolicy, in_one_game, join, load_player
+from agents.models import ModelPlayer, ModelPolicy, Sight, in_one_game, join, load_player
 from agents.training.train import train
 from agents.training.zoo import HYPERPARAMS, ZooArgs
+from airhockey_env.cameras import ROBOT
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT
 from airhockey_env.live.match import START_PAUSE, LiveMatch
@@ -59,7 +61,7 @@ def test_a_model_sees_what_its_training_shows(obs_type: str, frames: int, first:
         given.append(seen.copy())
         return np.full((len(seen), 2), 0.3, np.float32)
 
-    policy = ModelPolicy(ModelPlayer(answer, obs_type, frames))
+    policy = ModelPolicy(ModelPlayer(answer, Sight(obs_type, frames)))
     game = Game(
         3, left=policy, right="idle", task="defend", max_episode_steps=40, autoreset_mode=AutoresetMode.SAME_STEP
     )
@@ -75,10 +77,67 @@ def test_a_model_sees_what_its_training_shows(obs_type: str, frames: int, first:
     assert ended > 3
 
 
+@pytest.mark.parametrize(("obs_type", "stack"), [("grayscale", 3), ("state", 4)])
+def test_a_model_sees_the_stacks_of_its_training(obs_type: str, stack: int) -> None:
+    """With a camera, and at episodes' ends too."""
+    arguments = {"task": "defend", "opponent": "idle", "max_episode_steps": 40, "camera": "robot"}
+    env = AirHockeySB3VecEnv(3, obs_type=obs_type, stack=stack, **arguments)
+    env.seed(5)
+    given: list[np.ndarray] = []
+
+    def answer(seen: np.ndarray) -> np.ndarray:
+        given.append(seen.copy())
+        return np.full((len(seen), 2), 0.3, np.float32)
+
+    policy = ModelPolicy(ModelPlayer(answer, Sight(obs_type, stack=stack)))
+    conditions = Conditions(camera=ROBOT)
+    game = Game(
+        3, left=policy, right="idle", task="defend", max_episode_steps=40, autoreset_mode=AutoresetMode.SAME_STEP,
+        **conditions.game_arguments(LEFT),
+    )  # fmt: skip
+    policy.join(game)
+    game.reset(seed=5)
+    expected, ended = env.reset(), 0
+    for _ in range(90):
+        game.step()
+        assert given[-1].dtype == expected.dtype
+        np.testing.assert_array_equal(given[-1], expected)
+        expected, _, dones, _ = env.step(game.pools[LEFT].last_actions)
+        ended += int(dones.sum())
+    assert ended > 3
+
+
+@pytest.mark.parametrize(("obs_type", "algo"), [("grayscale", "ppo"), ("state", "sac"), ("state", "ppo")])
+def test_a_run_with_a_stack_plays_as_it_was_trained(
+    obs_type: str, algo: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    args = ZooArgs(
+        algo=algo, env="AirHockeyDefend-v0", obs_type=obs_type, name="tiny", steps=8, stack=3, camera="robots",
+        eval_episodes=2, report_episodes=2, video_seconds=0,
+    )  # fmt: skip
+    folder = train(args)
+    model = {"ppo": PPO, "sac": SAC}[algo].load(folder.model, device="cpu")
+    env = AirHockeySB3VecEnv(4, task="defend", opponent="idle", obs_type=obs_type, stack=3)
+    env.seed(2)
+    seen = env.reset()
+    for _ in range(20):
+        seen, *_ = env.step(np.full((4, 2), 0.5, np.float32))
+    expected = model.predict(seen, deterministic=True)[0]
+    for file in [folder.model] if obs_type == "grayscale" else [folder.model, folder.policy]:
+        player = load_player(str(file))
+        if isinstance(player, ModelPlayer):
+            assert player.sight == Sight(obs_type, stack=3)
+            np.testing.assert_allclose(player.answer(seen), expected, atol=1e-5)
+        else:
+            assert player.stack == 3
+            np.testing.assert_allclose(player(seen), expected, atol=1e-5)
+
+
 def test_the_evaluation_plays_what_the_model_predicts(pictures: Path) -> None:
     player = load_player(str(pictures))
     assert isinstance(player, ModelPlayer)
-    assert (player.obs_type, player.frames) == ("rgb", 3)
+    assert player.sight == Sight("rgb", frames=3)
     model = PPO.load(pictures / "model.zip", device="cpu")
     answer, rows = player.answer, []
 
@@ -88,7 +147,7 @@ def test_the_evaluation_plays_what_the_model_predicts(pictures: Path) -> None:
         rows.append(len(seen))
         return actions
 
-    checking = ModelPlayer(checked, player.obs_type, player.frames)
+    checking = ModelPlayer(checked, player.sight)
     result = play_task(checking, "defend", 2)
     assert result == play_task(player, "defend", 2) and result.episodes == 2
     assert set(rows) == {2}, "both episodes at once"
@@ -107,7 +166,7 @@ def test_both_sides_see_their_own_picture() -> None:
             seen[side].append(frames.copy())
             return np.zeros((len(frames), 2), np.float32)
 
-        return ModelPolicy(ModelPlayer(answer, "rgb", 1))
+        return ModelPolicy(ModelPlayer(answer, Sight("rgb")))
 
     left, right = player("left"), player("right")
     game = Game(1, left=left, right=right)
@@ -156,7 +215,7 @@ def test_channels_that_may_be_both_are_not_guessed(pictures: Path, tmp_path: Pat
         (tmp_path / "config.json").write_text(json.dumps({"obs_type": kind}))
         player = load_player(str(alone))
         assert isinstance(player, ModelPlayer)
-        assert (player.obs_type, player.frames) == (kind, frames)
+        assert player.sight == Sight(kind, frames=frames)
     for config in ('{"obs_type": "sound"}', "{", "[" * 100_000):
         (tmp_path / "config.json").write_text(config)
         with pytest.raises(ValueError, match=r"config\.json"):

@@ -126,7 +126,7 @@ def test_the_other_constructors_take_the_same_data():
         assert same(env._game.ranges, other._game.ranges)
         ours, theirs = (one._game.interfaces[LEFT].camera.arrays.camera for one in (env, other))
         assert same(ours, theirs)
-        assert env._game.stacks[LEFT] == other._game.stacks[LEFT] == 2
+        assert env._game.interfaces[LEFT].stack == other._game.interfaces[LEFT].stack == 2
         assert env._game.interfaces[LEFT].delay.arrays.range.tolist() == [0.25, 1.5]
         assert env._renderer.size == other._renderer.size == (64, 48)
 

@@ -69,6 +69,13 @@ record_video idle --table billiards
 record_video idle --randomize worlds
 record_video idle --camera eagle
 record_video idle --action-delay-ms -1
+robustness
+robustness nobody
+robustness idle --opponent nobody
+robustness idle --points 0
+robustness idle --seed -1
+robustness idle --only camera --plot card.pdf
+robustness idle --json none/card.json
 scorecard
 scorecard nobody
 scorecard idle --opponent nobody
@@ -129,7 +136,7 @@ train_self_play --most-past-selves 0
 train_self_play --warmup-steps -1
 train_self_play --opponent
 """
-NAMELESS = {"curves": "RUN", "evaluate": "MODEL", "ladder": "MODEL", "record_video": "MODEL", "scorecard": "MODEL"}
+NAMELESS = {"curves": "RUN"} | dict.fromkeys(("evaluate", "ladder", "record_video", "robustness", "scorecard"), "MODEL")
 """What the arguments without an option are called in the help."""
 
 

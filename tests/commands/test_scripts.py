@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 import sys
@@ -11,10 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from agents.conditions import Conditions
 from agents.measuring.evaluation import OPPONENTS
 from agents.sb3_files import read_model
+from airhockey_env.cameras import CAMERAS, SLOW, Camera
 from airhockey_env.opponents.policy import MlpPolicy
-from airhockey_env.tables import PRESETS
+from airhockey_env.tables import CHALLENGE, PRESETS, TABLE_RANGES, TABLES
 from benchmarks.speed import options
 from benchmarks.speed.measure import Effort
 from tests.helpers import ROOT, Call, run
@@ -65,10 +68,25 @@ def test_help(script: str, call: Call) -> None:
     assert f"python -m scripts.{script}" in printed
 
 
-@pytest.mark.parametrize("script", ["evaluate", "ladder", "play", "record_video", "scorecard"])
-def test_help_names_all_players_and_tables(script: str, call: Call) -> None:
+CONDITIONS = {"--table", "--randomize", "--camera", "--action-delay-ms", *PRESETS, *TABLE_RANGES, *CAMERAS}
+"""What the help says of the conditions of play."""
+
+
+@pytest.mark.parametrize("script", ["evaluate", "ladder", "play", "record_video", "robustness", "scorecard"])
+def test_help_names_all_players(script: str, call: Call) -> None:
     words = [word.rstrip(".,:") for word in call(script, "--help").split()]
-    assert {*OPPONENTS, *PRESETS, "policy.npz", "model.zip", "--trust"} <= set(words)
+    assert {*OPPONENTS, "policy.npz", "model.zip", "--trust"} <= set(words)
+
+
+@pytest.mark.parametrize("script", ["evaluate", "ladder", "play", "record_video", "scorecard"])
+def test_help_names_all_conditions(script: str, call: Call) -> None:
+    assert set(CONDITIONS) <= {word.rstrip(".,:") for word in call(script, "--help").split()}
+
+
+@pytest.mark.parametrize("script", ["train", "train_ppo", "train_self_play"])
+def test_help_of_training_names_all_conditions(script: str, call: Call) -> None:
+    words = {word.rstrip(".,:") for word in call(script, "--help").split()}
+    assert {*CONDITIONS, "--stack"} <= words
 
 
 @pytest.mark.parametrize("script", SCRIPTS)
@@ -103,6 +121,31 @@ class TestTrainPpo:
         seconds = [row["seconds"] for row in history["updates"]]
         assert seconds == sorted(seconds)
         assert MlpPolicy.load(copied / "policy.npz").weights[0].shape[0] == 8, "with the run's own arguments"
+
+    def test_conditions_and_a_stack(self, tmp_path: Path, call: Call) -> None:
+        """The files are not needed again: config.json has what was in them."""
+        (tmp_path / "table.json").write_text(json.dumps({**dataclasses.asdict(CHALLENGE), "puck_mass": 0.02}))
+        (tmp_path / "ranges.yml").write_text("length: [1.9, 2.0]\nwidth: [1.0, 1.1]")
+        (tmp_path / "camera.yaml").write_text("delay_ms: [10, 20]\nnoise_mm: 2")
+        files = ("--table", "table.json", "--randomize", "ranges.yml", "--camera", "camera.yaml")
+        steps = ("--steps", str(UPDATE), "--warmup-steps", "0", "--video-seconds", "0.1")
+        call("train_ppo", "--name", "far", *files, "--action-delay-ms", "5", "9", "--stack", "3", *steps, *TINY)
+        for path in tmp_path.glob("*.*"):
+            path.unlink()
+        folder = tmp_path / "runs" / "far"
+        kept = json.loads((folder / "config.json").read_text())
+        conditions = Conditions.of_dict(kept["conditions"])
+        assert conditions.table == dataclasses.replace(CHALLENGE, puck_mass=0.02)
+        assert conditions.randomize == {"length": (1.9, 2.0), "width": (1.0, 1.1)}
+        assert conditions.camera == Camera(delay_ms=(10, 20), noise_mm=2)
+        assert conditions.action_delay_ms == (5, 9)
+        assert LAST_LINE in call("train_ppo", "--resume", "far", "--steps", str(3 * UPDATE))
+        policy = MlpPolicy.load(folder / "policy.npz")
+        assert policy.stack == 3
+        assert policy.weights[0].shape == (8, 45)
+        assert "--camera" in call("train_ppo", "--resume", "far", "--camera", "robot", fails=True)
+        (folder / "config.json").write_text(json.dumps({**kept, "conditions": {"table": {}}}))
+        assert "config.json" in call("train_ppo", "--resume", "far", fails=True)
 
     def test_a_finished_run_gets_what_it_lacks(self, trained: Path, tmp_path: Path, call: Call) -> None:
         """As after Ctrl-C in the last evaluation."""
@@ -152,6 +195,13 @@ class TestTrainSelfPlay:
         assert f"self at {5 * UPDATE}" in after - before
         assert read_model(folder / "model.zip").data["num_timesteps"] == 6 * UPDATE
 
+    def test_a_league_of_stacks_through_a_camera(self, tmp_path: Path, call: Call) -> None:
+        steps = ("--steps", str(3 * UPDATE), "--warmup-steps", "0", "--snapshot-every", str(UPDATE))
+        conditions = ("--camera", "robot", "--stack", "2", "--action-delay-ms", "10")
+        call("train_self_play", "--name", "own", *steps, *conditions, "--video-seconds", "0", *TINY)
+        past = [MlpPolicy.load(path) for path in (tmp_path / "runs" / "own" / "league").iterdir()]
+        assert past and all(policy.stack == 2 for policy in past)
+
     def test_a_start_from_another_run(self, trained: Path, tmp_path: Path, call: Call) -> None:
         arguments = ("--start", str(trained), "--learning-rate", "0", "--steps", str(UPDATE), "--video-seconds", "0")
         assert LAST_LINE in call("train_self_play", "--name", "own", *arguments, *TINY)
@@ -197,6 +247,17 @@ class TestEvaluate:
         assert row["task"] == "hit"
         assert row["successes"] + row["failures"] + row["timeouts"] == row["episodes"] == 20
 
+    def test_conditions(self, tmp_path: Path, call: Call) -> None:
+        conditions = ("--table", "challenge", "--randomize", "tables", "--camera", "slow", "--action-delay-ms", "20")
+        for task in ("point", "hit"):
+            printed = set()
+            for given in ((), conditions):
+                line = ("expert", "--task", task, "--episodes", "200", "--json", "result.json", *given)
+                printed.add(call("evaluate", *line, *(("--opponent", "striker") if task == "point" else ())))
+            assert len(printed) == 2
+            written = json.loads((tmp_path / "result.json").read_text())["conditions"]
+            assert Conditions.of_dict(written) == Conditions(CHALLENGE, TABLES, SLOW, 20.0)
+
     def test_without_a_model_the_help_is_named(self, call: Call) -> None:
         assert "python -m scripts.evaluate --help" in call("evaluate", fails=True)
 
@@ -221,6 +282,13 @@ class TestRecordVideo:
             assert video.format == "GIF"
             assert video.size == (640, 344)
             assert video.n_frames == 10
+
+    def test_conditions(self, tmp_path: Path, call: Call) -> None:
+        names = []
+        for k, given in enumerate([(), ("--randomize", "tables"), ("--camera", "slow"), ("--action-delay-ms", "90")]):
+            names.append(f"{k}.gif")
+            call("record_video", "expert", "--seconds", "1", "--fps", "5", "--out", names[-1], *given)
+        assert len({(tmp_path / name).read_bytes() for name in names}) == 4
 
     def test_mp4(self, tmp_path: Path, call: Call) -> None:
         """With an odd width and height, which the format does not take."""

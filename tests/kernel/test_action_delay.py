@@ -59,7 +59,7 @@ def test_a_paddle_obeys_what_was_sent_a_while_ago(continuous: bool, delay_ms: fl
 
 def test_no_delay_is_nothing() -> None:
     game = Game(1, left_action_delay_ms=0, right_action_delay_ms=[0.0, 0.0])
-    assert not any(interface.parts for interface in game.interfaces)
+    assert not game.interfaces.parts
     assert game.get_state().dtype == Game(1).get_state().dtype
 
 

@@ -440,7 +440,7 @@ def test_a_game_goes_on_the_same_from_a_state_and_in_a_copy(way: str) -> None:
         one.reset(seed)
         for actions in random_actions(seed, 21, 2):
             one.step(actions)
-    assert all(interface.camera.arrays.states["waiting"].all() for interface in game.interfaces)
+    assert all(game.interfaces[seat].camera.arrays.states["waiting"].all() for seat in SEATS)
     if way == "set_state":
         other.set_state(game.get_state())
     else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from airhockey_env.live.match import (
 from airhockey_env.live.pointer import Pointer
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.replay import play_back
+from airhockey_env.saved_states import game_state
 from airhockey_env.tables import FULL_SIZE
 
 TICK = 1.0 / CONTROL_HZ
@@ -410,9 +412,10 @@ def test_two_players_play_by_themselves(left: str, right: str) -> None:
     assert (np.abs(match.positions[:PUCK] - homes).max(axis=1) > 0.01).all()
 
 
+@pytest.mark.parametrize("conditions", [{}, {"camera": "robot", "action_delay_ms": 33}], ids=["exact", "robot"])
 @pytest.mark.parametrize("right", ["striker", "expert"])
-def test_a_replay_of_a_match_plays_back_to_the_bit(right: str) -> None:
-    match = LiveMatch(right, seed=4, skill=0.7, points=2, recorded=True)
+def test_a_replay_of_a_match_plays_back_to_the_bit(right: str, conditions: dict[str, Any]) -> None:
+    match = LiveMatch(right, seed=4, skill=0.7, points=2, recorded=True, **conditions)
     for match_number in range(2):
         now = 1000.0 * match_number
         match.restart(now)
@@ -422,9 +425,21 @@ def test_a_replay_of_a_match_plays_back_to_the_bit(right: str) -> None:
             if match_number == 0 and now > 20.0:
                 break
     states = list(play_back(match.replay()))
-    assert states[-1].tobytes() == match.game.get_state().tobytes()
+    assert states[-1].tobytes() == game_state(match.game.get_state()).tobytes()
     assert sorted(states[-1]["score"][0])[-1] == 2
     assert len(states) == match.game.states["steps"][0] + 1
+
+
+def test_the_right_player_has_the_camera_and_the_delay() -> None:
+    """A policy that sees nothing and obeys late moves other ways than one that sees; the person's side is exact."""
+    paths = []
+    for conditions in ({}, {"camera": {"noise_mm": 100}}, {"action_delay_ms": 500}):
+        match = LiveMatch("expert", seed=4, **conditions)
+        for k in range(60):
+            match.advance(START_PAUSE + k / 20, (-0.5, 0.1))
+        assert np.array_equal(match.game.exact_observations(LEFT), match.game.out.observation[LEFT])
+        paths.append(match.game.positions[0, RIGHT])
+    assert len({path.tobytes() for path in paths}) == 3
 
 
 def test_a_replay_ends_where_the_recording_is_full(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -247,12 +247,14 @@ def draw_bad(rng: np.random.Generator, trial: Trial) -> dict[str, Any]:
             return {"do": "bad state", "value": pick(rng, WEIRD[:21])}
         state = encode_state(trial.face.env.get_state())
         part, (field, value) = state.get("state", state), pick(rng, BROKEN_STATES)
-        between = [(state[name], BROKEN_CAMERAS) for name in ("left_camera", "right_camera") if name in state]
+        between: list[Any] = [
+            (state[name], BROKEN_CAMERAS) for name in ("left_camera", "right_camera") if name in state
+        ]
         between += [(state["left_action_delay"], BROKEN_DELAYS)] if "left_action_delay" in state else []
         between += [(state, [(name, NAN)]) for name in ("left_history", "left_sent_actions") if name in state]
         if between and rng.random() < 0.5:
-            part, values = pick(rng, between)
-            field, value = pick(rng, values)
+            part, damage = pick(rng, between)
+            field, value = pick(rng, damage)
         broken: Any = np.array(part[field])
         broken.reshape(-1)[int(rng.integers(broken.size))] = value
         part[field] = broken.tolist()

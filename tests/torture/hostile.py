@@ -138,7 +138,7 @@ def _case_of(game: Game, number: int, i: int, before: np.ndarray, actions: np.nd
     """The one step, or start of an episode, in which table i broke a law."""
     state = before
     if game.randomized:
-        state = np.zeros(1, state_dtype(True, ()))
+        state = np.zeros(1, state_dtype(True, None))
         state["state"], state["parameters"] = before, game.parameters[i]
     step = {"do": "step", "actions": actions[:1].tolist(), "others": actions[1:].tolist()}
     last = {"do": "reset"} if number == RANGES else step

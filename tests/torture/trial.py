@@ -144,9 +144,7 @@ class Row:
 
     def _seen(self, reward: float, terminated: bool, truncated: bool, success: bool) -> Seen:
         game = self.game
-        if (
-            any(interface.parts for interface in game.interfaces) and not (np.abs(game.out.observation) <= 1.0).all()
-        ):  # nor NaN
+        if game.interfaces.parts and not (np.abs(game.out.observation) <= 1.0).all():  # nor NaN
             raise Broken(FAILURES[OBSERVED])
         seen = {
             "observation": game.observations()[0],
