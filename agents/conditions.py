@@ -73,7 +73,7 @@ class Conditions:
             OSError, ValueError: an option names neither a preset nor a file with the right contents. The message names
                 the option and the file.
         """
-        table = _read("table", args.table, PRESETS, resolve_table)
+        table = read_table(args.table)
         randomize, camera = None, None
         if args.randomize is not None:
             randomize = _read("randomize", args.randomize, TABLE_RANGES, lambda given: _ranges(table, given))
@@ -153,6 +153,15 @@ class Conditions:
         low, high = check_randomize(self.table, self.randomize).T
         values = np.random.default_rng(seed).uniform(low, high)
         return dataclasses.replace(self, table=TableSpec(*values), randomize=None)
+
+
+def read_table(given: str) -> TableSpec:
+    """The table that `--table` names.
+
+    Raises:
+        OSError, ValueError: see `Conditions.of_options`.
+    """
+    return _read("table", given, PRESETS, resolve_table)
 
 
 def in_words(args: Options) -> str:

@@ -89,5 +89,6 @@ def save_figure(figure: Any, path: Path) -> None:
 
     picture = BytesIO()
     figure.savefig(picture, dpi=110, format="png")
-    small = Image.open(picture).convert("RGB").quantize(256, dither=Image.Dither.NONE)
+    method = Image.Quantize.MAXCOVERAGE  # keeps the colours of small things beside large shaded areas
+    small = Image.open(picture).convert("RGB").quantize(256, method=method, dither=Image.Dither.NONE)
     replace(path, lambda part: small.save(part, format="PNG", optimize=True))

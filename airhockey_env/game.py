@@ -542,12 +542,15 @@ class Game:
             _step_code.append(
                 machine_code(step_rows, first, last, *fixed, self._no_actions, self._no_actions, self.out)
             )
-        played = left, right
-        if self.interfaces.delayed:
-            played = self.interfaces[LEFT].act(first, last, left), self.interfaces[RIGHT].act(first, last, right)
-        _step_code[0](first, last, *fixed, *played, self.out)
-        for part in self.interfaces.parts:
-            part.follow(first, last, right if part.seat else left)
+        parts = self.interfaces.parts
+        if not parts:
+            _step_code[0](first, last, *fixed, left, right, self.out)
+            return
+        left_played = self.interfaces[LEFT].act(first, last, left)
+        right_played = self.interfaces[RIGHT].act(first, last, right)
+        _step_code[0](first, last, *fixed, left_played, right_played, self.out)
+        for part in parts:
+            part.follow(first, last, right if part.seat == RIGHT else left)
 
     def _refresh(self, rows: NDArray[np.int64]) -> None:
         """Bring the outputs of the given tables up to date after their states were changed from outside."""

@@ -99,7 +99,6 @@ class PlayerInterfaces:
 
     Attributes:
         parts: those of both.
-        delayed: whether one of them delays actions.
 
     Raises:
         ValueError: no such camera.
@@ -108,7 +107,6 @@ class PlayerInterfaces:
     def __init__(self, tables: Tables, stacks: Sequence[int], action_delays_ms: Sequence[Any], camera: Any) -> None:
         left, right = (PlayerInterface(seat, tables, stacks[seat], action_delays_ms[seat]) for seat in (LEFT, RIGHT))
         self._of_seats = left, right
-        self.delayed = left.delay is not None or right.delay is not None
         self.parts: list[Part] = []
         self.set_camera(camera)
 

@@ -58,7 +58,7 @@ def table_grid() -> Grid:
     The player sees exact states.
     """
     drags = Axis("linear drag, 1/s", (0, 0.1, 0.25, 0.5, 0.8))
-    walls = Axis("wall restitution, normal and tangential", (0.6, 0.7, 0.8, 0.9, 1))
+    walls = Axis("speed kept at walls", (0.6, 0.7, 0.8, 0.9, 1))
 
     def on(drag: float, kept: float) -> Conditions:
         return Conditions(dataclasses.replace(FULL_SIZE, drag_linear=drag, wall_restitution=kept, wall_tangential=kept))

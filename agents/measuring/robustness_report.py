@@ -20,6 +20,7 @@ TITLES = {"named": "Presets and training ranges", "held_out": "Held-out tables a
 
 def print_robustness(cells: Sequence[Cell]) -> None:
     """Print the shares of the decided points, with 95 % intervals."""
+    print("Shares of the decided points, %, with 95 % intervals")
     players = list(dict.fromkeys(cell.player for cell in cells))
     for part in dict.fromkeys(cell.part for cell in cells):
         own = [cell for cell in cells if cell.part == part]
@@ -27,7 +28,7 @@ def print_robustness(cells: Sequence[Cell]) -> None:
             rows = [("", *players)]
             rows += [(str(name), *(_share(cell) for cell in own if cell.name == name)) for name in _names(own)]
             rows.append(("mean", *(_mean([cell for cell in own if cell.player == player]) for player in players)))
-            print_table(f"{TITLES[part]}: of decided points, % (95 %)", rows)
+            print_table(TITLES[part], rows)
             continue
         grid = GRIDS[part]()
         for player in players:
@@ -35,7 +36,7 @@ def print_robustness(cells: Sequence[Cell]) -> None:
             rows = [(grid.down.label, *(f"{value:g}" for value in grid.across.values))]
             for down in grid.down.values:
                 rows.append((f"{down:g}", *(_share(shares[down, across]) for across in grid.across.values)))
-            print_table(f"{player}. {grid.title}: of decided points, % (95 %), by {grid.across.label}", rows)
+            print_table(f"{player}. {grid.title}. Across: {grid.across.label}", rows)
 
 
 def _names(cells: Sequence[Cell]) -> list[Any]:

@@ -19,7 +19,7 @@ A file is an .npz without pickles:
 | `replay` | JSON: `format`, the package's `version`, the dynamics' `fingerprint`, the environment's `id` (or null), its `arguments`, and for every segment the `seeds` that its reset was given (or null) |
 | `starts` | (E,) int64: the number of actions before each segment |
 | `states`, `ends` | (E,) records: the table's state at the start and at the end of each segment |
-| `actions` | (T, 2) float32 target velocities or, with `continuous=False`, (T,) int8 directions |
+| `actions` | (T, 2) float32 target velocities that reached the left paddle or, with `continuous=False` and without `action_delay_ms`, (T,) int8 directions |
 | `right_actions` | (T, 2) float32 actions of the right player, as it sees the table; (0, 2) if that is a named one |
 
 A segment is a stretch of play without a break. It begins with a reset, or where a state was set in the middle of an

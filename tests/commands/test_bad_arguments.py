@@ -34,6 +34,24 @@ evaluate idle --opponent-skill 1.1
 evaluate idle --opponent-skill nan
 evaluate idle --seed -1
 evaluate idle --episodes 2 --json none/result.json
+fit_study --tables 0
+fit_study --seconds 1
+fit_study --seed -1
+fit_study --json none/study.json
+fit_study --page none.md
+fit_table
+fit_table none.csv
+fit_table none.csv --table billiards
+fit_table none.csv --length -1
+fit_table none.csv --width nan
+fit_table none.csv --puck-radius 0
+fit_table none.csv --goal-width 11
+fit_table none.csv --out table.yml
+fit_table none.csv --out none/table.json
+fit_table none.csv --json none/fit.json
+fit_table none.csv --plot fit.pdf
+fit_table none.csv --demo 1
+fit_table none.csv --seed -1
 kiss_study --out nowhere/deep
 kiss_study --json nowhere/x.json
 ladder nobody
@@ -144,7 +162,11 @@ train_self_play --most-past-selves 0
 train_self_play --warmup-steps -1
 train_self_play --opponent
 """
-NAMELESS = {"curves": "RUN"} | dict.fromkeys(("evaluate", "ladder", "record_video", "robustness", "scorecard"), "MODEL")
+NAMELESS = {
+    **dict.fromkeys(("evaluate", "ladder", "record_video", "robustness", "scorecard"), "MODEL"),
+    "curves": "RUN",
+    "fit_table": "TRACK.csv",
+}
 """What the arguments without an option are called in the help."""
 
 

@@ -1,0 +1,1 @@
+"""How well `scripts.fit_table` recovers simulated tables."""
