@@ -16,9 +16,11 @@ from stable_baselines3.common.vec_env import VecMonitor
 from agents.conditions import EXACT
 from agents.models import load_player
 from agents.options import Count, OptionalCount, check_ranges
+from agents.sb3_files import read_model
 from agents.training import ppo
 from agents.training.learning import Falling
 from agents.training.recipe import History, Phase, Recipe, Setup, conditions_of
+from agents.training.runs import RunFolder
 from agents.training.student import Imitation, Student, StudentFeatures, StudentPolicy
 from agents.training.student_tables import StudentTables
 from airhockey_env.opponents.policy import MlpPolicy
@@ -42,6 +44,8 @@ class DistillArgs(ppo.PpoArgs):
     teacher: str = "expert"
     """Imitate this policy: the name of a trained opponent, a policy.npz or a run's folder. It always sees exact states,
     one at a time."""
+    start: str | None = None
+    """Begin with the network of this run of the command (its folder, or its name under runs/)."""
     imitation_steps: OptionalCount = None
     """Imitate the teacher for this many steps. After that, the student goes on with PPO. The default is half of
     --steps."""
@@ -87,6 +91,8 @@ def load_teacher(name: str) -> MlpPolicy:
 def build(args: DistillArgs, new: bool) -> Setup:
     """See `Recipe.build`."""
     model = make_student(args)
+    if new and args.start is not None:
+        take_over(model, RunFolder.open(args.start, "--start"))
     return ppo.setup(args, model)._replace(
         title=f"Distilled from {args.teacher}, points against {args.eval_opponent}",
         phases=partial(phases, args, model, load_teacher(args.teacher)),
@@ -101,6 +107,19 @@ def make_student(args: DistillArgs) -> Student:
         "net_arch": {"pi": [args.net_width] * 2, "vf": [CRITIC_WIDTH] * 2},
     }
     return Student(StudentPolicy, make_env(args), **arguments)
+
+
+def take_over(model: Student, folder: RunFolder) -> None:
+    """Copy the network of another run, with its exploration noise, into a new student.
+
+    Raises:
+        ValueError: the networks differ in shape.
+    """
+    try:
+        model.policy.load_state_dict(read_model(folder.model).params["policy"])
+    except RuntimeError as error:
+        wanted = "a run of scripts.distill with the same --net-width, --stack and fields in --randomize"
+        raise ValueError(f"--start must name {wanted}, got {folder.path}: {error}") from error
 
 
 def make_env(args: DistillArgs) -> VecMonitor:

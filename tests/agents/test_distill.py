@@ -14,8 +14,9 @@ import torch
 from agents.conditions import EXACT, Conditions
 from agents.files import read_json
 from agents.models import export_policy, load_player
+from agents.sb3_files import read_model
 from agents.training import ppo
-from agents.training.distill import SHARES, DistillArgs, load_teacher, make_env, make_student, resolve
+from agents.training.distill import SHARES, DistillArgs, build, load_teacher, make_env, make_student, resolve
 from agents.training.learning import Falling, seed_tables
 from agents.training.student import Imitation, Student, imitation_error
 from agents.training.student_tables import EXACT_STATE, SEEN, TABLE, StudentTables
@@ -87,7 +88,7 @@ class TestStudentTables:
 
     def test_shares_of_the_conditions(self) -> None:
         parts: Any = make_env(ARGS).unwrapped
-        assert [part.num_envs for part in parts.parts] == [6, 6, 2, 2]
+        assert [part.num_envs for part in parts.parts] == [5, 5, 2, 4]
         randomized = [bool(part.table_values(["length"]).std() > 0) for part in parts.parts if part.reset() is not None]
         assert randomized == ["randomize" not in left_out for left_out in SHARES]
         assert sum(SHARES.values()) == 1.0
@@ -174,6 +175,14 @@ class TestRecipe:
 
         train(DistillArgs(resume="student", steps=1024 + UPDATE))
         assert json.loads(folder.evaluations.read_text())["updates"][-1]["steps"] == 1024 + UPDATE
+
+        begun = dataclasses.replace(ARGS, start="student", camera="slow")
+        ours, theirs = (model.policy.state_dict() for model in (build(begun, True).model, build(begun, False).model))
+        kept = read_model(folder.model).params["policy"]
+        assert all(torch.equal(ours[name], kept[name]) for name in kept)
+        assert not all(torch.equal(theirs[name], kept[name]) for name in kept), "a resumed run loads its own"
+        with pytest.raises(ValueError, match="--start must name .* --net-width"):
+            build(dataclasses.replace(begun, net_width=8), True)
 
     def test_steps(self) -> None:
         args = resolve(DistillArgs(steps=1000, camera="robot"))

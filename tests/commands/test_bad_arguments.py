@@ -113,6 +113,7 @@ torture --seed -1
 torture --replay nothing.json
 distill --teacher striker
 distill --teacher nobody
+distill --start none
 distill --imitation-steps -1
 distill --imitation-rate 2
 distill --noise 0
