@@ -15,7 +15,7 @@ from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 
 SEEN, EXACT_STATE, TABLE = "seen", "exact", "table"
 """The parts of an observation: what the student sees; the exact state, (13,); and the values of the table's drawn
-fields, each from -1 to 1 within its range."""
+fields, each from -1 to 1 within its range, or a zero if none is drawn."""
 
 
 class StudentTables(VecEnv):
@@ -36,7 +36,7 @@ class StudentTables(VecEnv):
         space = {
             SEEN: parts[0].observation_space,
             EXACT_STATE: spaces.Box(-1.0, 1.0, (OBSERVATION_SIZE,), np.float32),
-            TABLE: spaces.Box(-np.inf, np.inf, (len(ranges),), np.float32),
+            TABLE: spaces.Box(-np.inf, np.inf, (max(len(ranges), 1),), np.float32),
         }
         super().__init__(ends[-1], spaces.Dict(space), parts[0].action_space)
 
@@ -66,9 +66,11 @@ class StudentTables(VecEnv):
 
     def _observations(self, seen: Sequence[NDArray[Any]]) -> dict[str, NDArray[Any]]:
         exact = np.concatenate([part.exact_observations() for part in self.parts])
-        values = np.concatenate([part.table_values(list(self.ranges)) for part in self.parts])
-        low, high = np.array(list(self.ranges.values())).reshape(-1, 2).T
-        table = (2.0 * (values - low) / np.maximum(high - low, 1e-9) - 1.0).astype(np.float32)
+        table = np.zeros((self.num_envs, max(len(self.ranges), 1)), np.float32)
+        if self.ranges:
+            values = np.concatenate([part.table_values(list(self.ranges)) for part in self.parts])
+            low, high = np.array(list(self.ranges.values())).T
+            table[:] = 2.0 * (values - low) / np.maximum(high - low, 1e-9) - 1.0
         return {SEEN: np.concatenate(seen), EXACT_STATE: exact, TABLE: table}
 
     def close(self) -> None:
