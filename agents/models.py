@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from gymnasium import spaces
 from numpy.typing import NDArray
 
 from agents.files import read_json
@@ -149,6 +150,7 @@ def export_policy(model: Any) -> MlpPolicy:
     actor = getattr(policy, "actor", None)
     if actor is None:  # actor and critic are one network
         layers, features = [*policy.mlp_extractor.policy_net, policy.action_net], policy.features_extractor
+        features = getattr(features, "seen", features)  # a student's critic has features of its own
     else:  # TD3's layers are all in `mu`; SAC's `mu` is the last of them
         layers = [*getattr(actor, "latent_pi", ()), *(actor.mu if isinstance(actor.mu, nn.Sequential) else [actor.mu])]
         features = actor.features_extractor
@@ -158,7 +160,7 @@ def export_policy(model: Any) -> MlpPolicy:
     matrix = features.matrix.numpy() if isinstance(features, RelativeFeatures) else None
     activation = "relu" if any(isinstance(layer, nn.ReLU) for layer in layers) else "tanh"
     clip = layers[-1].max_val if isinstance(layers[-1], nn.Hardtanh) else None
-    stack = stack_of_shape(model.observation_space.shape)
+    stack = stack_of_shape(seen_space(model).shape)
     return _folded(weights, biases, activation, matrix, clip, squash=actor is not None, stack=stack)
 
 
@@ -183,6 +185,12 @@ def _folded(
         weights[-1:] = [np.concatenate([weights[-1]] * 2), np.concatenate([one, -one], axis=1)]
         biases[-1:] = [np.concatenate([biases[-1] - low, biases[-1] - high]), np.full(len(one), low)]
     return MlpPolicy(weights, biases, activation, squash, stack)
+
+
+def seen_space(model: Any) -> Any:
+    """The space of what the agent sees. A student's observations (`agents.training.student`) hold more than that."""
+    space = model.observation_space
+    return space["seen"] if isinstance(space, spaces.Dict) else space
 
 
 def load_player(model: str, option: str = "MODEL", *, trust: bool = False) -> Player:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-PURPOSES = ("actions", "practice", "training", "league", "progress", "report", "evaluation", "video")
+PURPOSES = ("actions", "practice", "training", "league", "progress", "report", "evaluation", "video", "imitation")
 """The purposes of streams. The position in this tuple identifies a purpose, so new ones must be added at the end.
 
 "actions" is exploration, "progress" and "report" are a run's own evaluations during training and at its end, and

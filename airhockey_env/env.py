@@ -155,7 +155,7 @@ class AirHockeyEnv(TableEnv, gym.Env):
     | argument | values | default |
     |---|---|---|
     | `task` | `"point"`, `"match"`, `"hit"`, `"defend"`; the registered ids set it together with `opponent` and `max_episode_steps`, and `task` alone changes neither | `"point"` |
-    | `opponent` | `"idle"`, `"random"`, `"goalie"`, `"striker"`, the trained `"adept"` and `"expert"`, the path of a `policy.npz` or of a run's folder, or a callable: float32 observations (N, 13) from its own side to actions (N, 2), or (N, K, 15) if it has an attribute `stack` = K | `"striker"` |
+    | `opponent` | `"idle"`, `"random"`, `"goalie"`, `"striker"`, the trained `"adept"`, `"expert"` and `"robust"`, the path of a `policy.npz` or of a run's folder, or a callable: float32 observations (N, 13) from its own side to actions (N, 2), or (N, K, 15) if it has an attribute `stack` = K | `"striker"` |
     | `opponent_skill` | 0 to 1: share of its paddle's speed that a scripted opponent uses | 1.0 |
     | `table` | `"full_size"`, `"challenge"`, `"ideal"`, a `TableSpec`, or a mapping of its fields | `"full_size"` |
     | `obs_type` | `"state"`, `"rgb"`, `"grayscale"`, see above; callable opponents get states in any case | `"state"` |

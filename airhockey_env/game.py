@@ -103,9 +103,9 @@ class Game:
     Args:
         num_tables: N, how many tables.
         left, right: who plays each paddle: None for the caller; the name of a player (`"idle"`, `"random"`,
-            `"goalie"`, `"striker"`, and the trained `"adept"` and `"expert"`); the path of a `policy.npz` or of a run's
-            folder; a callable policy, from float32 observations (N, 13) to actions (N, 2); or a sequence of these, a
-            pool whose members share the tables: see `Pool`.
+            `"goalie"`, `"striker"`, and the trained `"adept"`, `"expert"` and `"robust"`); the path of a `policy.npz`
+            or of a run's folder; a callable policy, from float32 observations (N, 13) to actions (N, 2); or a sequence
+            of these, a pool whose members share the tables: see `Pool`.
         left_skill, right_skill: 0 to 1, the share of its paddle's speed that a scripted player uses: one number, or
             one for each table, (N,).
         camera: what the players see the game through: None for exact states; `"robot"`, a `Camera`, or a mapping of

@@ -14,14 +14,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from airhockey_env._base import BatchEnv
 from airhockey_env.cameras import Camera
-from airhockey_env.checks import as_whole, check_action_delay, check_seed, check_skill, check_stack, check_whole, shown
+from airhockey_env.checks import (
+    as_whole,
+    check_action_delay,
+    check_choice,
+    check_seed,
+    check_skill,
+    check_stack,
+    check_whole,
+    shown,
+)
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT
 from airhockey_env.opponents.players import Player, resolve_players
 from airhockey_env.reset_options import ResetOptions
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.table_view import of_tables, set_of_tables
-from airhockey_env.tables import TableSpec
+from airhockey_env.tables import FIELDS, TableSpec
 from airhockey_env.threads import one_at_a_time
 
 try:
@@ -159,6 +168,24 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
     def observe(self, indices: Any = None) -> NDArray[Any]:
         """As `AirHockeyVectorEnv.observe`; pictures have their axis of channels."""
         return self._with_channels(super().observe(indices))
+
+    @one_at_a_time
+    def exact_observations(self) -> NDArray[np.float32]:
+        """The state observations (num_envs, 13) as they would be without a camera, whatever `obs_type` is.
+
+        For what may know more than the agent while it trains: a teacher, or a critic.
+        """
+        return self._game.exact_observations(LEFT)
+
+    def table_values(self, names: Sequence[str]) -> NDArray[np.float64]:
+        """The values of these fields of the `TableSpec` in play on every table: (num_envs, len(names)).
+
+        Raises:
+            ValueError: there is no such field.
+        """
+        columns = [FIELDS.index(check_choice("names", name, FIELDS)) for name in names]
+        specs = self._game.parameters["spec"][:, columns]
+        return np.broadcast_to(specs, (self.num_envs, len(columns))).copy()
 
     def seed(self, seed: int | list[int] | tuple[int, ...] | None = None) -> Sequence[int | None]:
         """Seed the next reset: the first table with `seed`, the next with the number after it, and so on.

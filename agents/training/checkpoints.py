@@ -11,7 +11,7 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
 from agents.features import stack_of_shape
 from agents.files import COUNT, NUMBER, or_none, read_json, replace_together, write_json
-from agents.models import export_policy
+from agents.models import export_policy, seen_space
 from agents.sb3_files import load_weights
 from agents.training.recipe import History, Setup
 from agents.training.runs import RunFolder
@@ -36,7 +36,7 @@ def save(folder: RunFolder, setup: Setup, history: History) -> None:
     """
     model = setup.model
     writes: dict[Path, Callable[[Path], object]] = {folder.model: model.save}
-    if stack_of_shape(model.observation_space.shape or ()):
+    if stack_of_shape(seen_space(model).shape or ()):
         writes[folder.policy] = export_policy(model).save
     if isinstance(model, OffPolicyAlgorithm) and model.replay_buffer is not None:
         writes[folder.buffer] = lambda part: save_buffer(model.replay_buffer, part)

@@ -12,13 +12,14 @@ from stable_baselines3.common.logger import KVWriter
 from stable_baselines3.common.vec_env import VecEnv
 
 from agents.seeding import sequence, table_seeds
+from agents.training.student_tables import StudentTables
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 
 
 def seed_tables(env: VecEnv, seeds: list[int]) -> None:
     """Seed the next reset of wrapped tables, with one seed per table."""
     tables = env.unwrapped
-    assert isinstance(tables, AirHockeySB3VecEnv)
+    assert isinstance(tables, (AirHockeySB3VecEnv, StudentTables))
     tables.seed(seeds)
 
 
@@ -47,11 +48,14 @@ class Falling:
     """The final value, as a share of the start."""
     begins: float = 0.0
     """The share of the run after which the value falls."""
+    ends: float = 1.0
+    """The share of the run after which it has fallen."""
 
     def __call__(self, remaining: float) -> float:
         """The value when this share of the run remains. In the last rollout, that can be slightly negative."""
-        stays = self.begins >= 1.0 or remaining >= 1.0 - self.begins
-        return self.start * (self.to + (1.0 - self.to) * (1.0 if stays else remaining / (1.0 - self.begins)))
+        left, length = remaining - (1.0 - self.ends), self.ends - self.begins
+        stays = length <= 0.0 or left >= length
+        return self.start * (self.to + (1.0 - self.to) * (1.0 if stays else left / length))
 
 
 class ProgressBar(BaseCallback):

@@ -15,6 +15,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecMonitor
 
+from agents.conditions import Conditions
 from agents.features import RelativeFeatures
 from agents.files import COUNT, POSITIVE, SHARE, TEXT, or_none
 from agents.measuring.evaluation import OPPONENTS, Result, play_points
@@ -150,35 +151,47 @@ def setup(args: PpoArgs, model: PPO, league: League | None = None) -> Setup:
 
 def make_env(args: PpoArgs, task: str = "point", opponents: Sequence[Opponent] | None = None) -> VecMonitor:
     """Make the tables to train on. The default opponents are those of the options."""
-    return VecMonitor(
-        AirHockeySB3VecEnv(
-            args.num_envs,
-            task=task,
-            opponent=args.opponent if opponents is None else opponents,
-            reward=args.reward,
-            **conditions_of(args).env_arguments(),
-            stack=args.stack,
-            max_episode_steps=TASKS[task].max_episode_steps,
-        )
+    return VecMonitor(make_tables(args, conditions_of(args), args.num_envs, task, opponents))
+
+
+def make_tables(
+    args: PpoArgs,
+    conditions: Conditions,
+    num_envs: int,
+    task: str = "point",
+    opponents: Sequence[Opponent] | None = None,
+) -> AirHockeySB3VecEnv:
+    """Make so many tables under the given conditions; see `make_env`."""
+    return AirHockeySB3VecEnv(
+        num_envs,
+        task=task,
+        opponent=args.opponent if opponents is None else opponents,
+        reward=args.reward,
+        **conditions.env_arguments(),
+        stack=args.stack,
+        max_episode_steps=TASKS[task].max_episode_steps,
     )
 
 
 def make_model(args: PpoArgs, env: VecMonitor) -> PPO:
     """Make an untrained agent."""
-    return PPO(
-        "MlpPolicy",
-        env,
-        learning_rate=Falling(args.learning_rate, to=0.02),
-        n_steps=args.n_steps,
-        batch_size=args.batch_size,
-        n_epochs=args.n_epochs,
-        gamma=args.gamma,
-        gae_lambda=args.gae_lambda,
-        clip_range=args.clip_range,
-        ent_coef=args.ent_coef,
-        use_sde=args.sde_sample_freq > 0,
-        sde_sample_freq=args.sde_sample_freq or -1,
-        policy_kwargs={
+    return PPO("MlpPolicy", env, **model_arguments(args))
+
+
+def model_arguments(args: PpoArgs) -> dict[str, Any]:
+    """Arguments of `PPO` after the policy and the tables."""
+    return {
+        "learning_rate": Falling(args.learning_rate, to=0.02),
+        "n_steps": args.n_steps,
+        "batch_size": args.batch_size,
+        "n_epochs": args.n_epochs,
+        "gamma": args.gamma,
+        "gae_lambda": args.gae_lambda,
+        "clip_range": args.clip_range,
+        "ent_coef": args.ent_coef,
+        "use_sde": args.sde_sample_freq > 0,
+        "sde_sample_freq": args.sde_sample_freq or -1,
+        "policy_kwargs": {
             "log_std_init": args.log_std_init,
             "optimizer_kwargs": {"eps": 1e-5, "fused": True},  # Stable-Baselines3's eps; fused: quicker
             "net_arch": [args.net_width, args.net_width],
@@ -186,10 +199,10 @@ def make_model(args: PpoArgs, env: VecMonitor) -> PPO:
             "features_extractor_class": RelativeFeatures,
             "features_extractor_kwargs": {"spec": conditions_of(args).table},
         },
-        stats_window_size=500,
-        seed=args.seed,
-        device="cpu",
-    )
+        "stats_window_size": 500,
+        "seed": args.seed,
+        "device": "cpu",
+    }
 
 
 def phases(args: PpoArgs, model: PPO, league: League | None, history: History) -> Iterator[Phase]:

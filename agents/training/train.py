@@ -16,7 +16,7 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
 from agents.files import read_arguments, read_json, write_json
 from agents.options import check_ranges, check_resumed, not_default
-from agents.training import checkpoints, ppo, self_play, zoo
+from agents.training import checkpoints, distill, ppo, self_play, zoo
 from agents.training.learning import ProgressBar, Records, seed_learning
 from agents.training.recipe import History, Phase, Recipe, Setup, TrainArgs
 from agents.training.report import draw_training
@@ -27,7 +27,7 @@ from airhockey_env.checks import MOST_STACK
 
 Args = TypeVar("Args", bound=TrainArgs)
 
-RECIPES = {recipe.args: recipe for recipe in (ppo.RECIPE, self_play.RECIPE, zoo.RECIPE)}
+RECIPES = {recipe.args: recipe for recipe in (ppo.RECIPE, self_play.RECIPE, distill.RECIPE, zoo.RECIPE)}
 """The recipes by the type of their options."""
 
 NOT_KEPT = ("resume", "trust")
@@ -96,7 +96,7 @@ def train(args: TrainArgs, callbacks: Sequence[BaseCallback] = ()) -> RunFolder:
     After a second Ctrl-C, SIGTERM or SIGHUP, the run is saved without a report.
 
     Args:
-        args: the options of a recipe: `PpoArgs`, `SelfPlayArgs` or `ZooArgs`.
+        args: the options of a recipe: `PpoArgs`, `SelfPlayArgs`, `DistillArgs` or `ZooArgs`.
         callbacks: Stable-Baselines3 callbacks, for example of a tracker. They see training start and end once per phase
             of the recipe, such as shooting practice. A callback that returns False ends the phase.
 

@@ -114,6 +114,15 @@ torture --seconds nan
 torture --jobs 0
 torture --seed -1
 torture --replay nothing.json
+distill --teacher striker
+distill --teacher nobody
+distill --start none
+distill --imitation-steps -1
+distill --imitation-rate 2
+distill --noise 0
+distill --stack 65
+distill --camera eagle
+distill --net-width 0
 train --algo dreamer
 train --env CartPole-v1
 train --obs-type sound

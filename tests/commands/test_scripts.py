@@ -224,6 +224,15 @@ class TestTrainSelfPlay:
             np.testing.assert_array_equal(own, other)
 
 
+def test_distill_from_a_run(trained: Path, tmp_path: Path, call: Call) -> None:
+    steps = ("--steps", str(2 * UPDATE), "--imitation-steps", str(UPDATE), "--stack", "2", "--camera", "robot")
+    arguments = ("--teacher", str(trained), *steps, "--video-seconds", "0.2")
+    printed = call("distill", "--name", "student", *arguments, *TINY)
+    assert LAST_LINE in printed and str(trained) in "".join(printed.split())
+    assert MlpPolicy.load(tmp_path / "runs" / "student" / "policy.npz").stack == 2
+    assert LAST_LINE in call("distill", "--resume", "student", "--steps", str(3 * UPDATE))
+
+
 def test_curves_of_two_runs(trained: Path, tmp_path: Path, call: Call) -> None:
     copied = copy_of(trained, tmp_path)
     copied.rename(copied.parent / "other")

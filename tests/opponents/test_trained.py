@@ -13,8 +13,11 @@ import numpy as np
 import pytest
 
 import airhockey_env
+from agents.conditions import Conditions
 from agents.measuring.evaluation import OPPONENTS, play_points, play_task
 from airhockey_env import AirHockeyVectorEnv
+from airhockey_env.cameras import resolve_camera
+from airhockey_env.kernel.state import observation_shape
 from airhockey_env.opponents.players import NAMES
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.opponents.trained import TRAINED, trained_policy
@@ -23,8 +26,9 @@ from tests.helpers import random_actions
 
 
 def test_the_names() -> None:
-    assert TRAINED == ("adept", "expert")
-    assert OPPONENTS == NAMES == ("idle", "random", "goalie", "striker", "adept", "expert")
+    assert TRAINED == ("adept", "expert", "robust")
+    assert OPPONENTS == NAMES == ("idle", "random", "goalie", "striker", "adept", "expert", "robust")
+    assert [trained_policy(name).stack for name in TRAINED] == [1, 1, 8]
 
 
 @pytest.mark.parametrize("name", TRAINED)
@@ -33,7 +37,8 @@ class TestByName:
         policy = trained_policy(name)
         assert isinstance(policy, MlpPolicy)
         assert sum(weight.nbytes for weight in policy.weights) < 300 * 1024
-        seen = np.random.default_rng(0).uniform(-1.0, 1.0, (100, 13)).astype(np.float32)
+        shape = (100, *observation_shape(policy.stack))
+        seen = np.random.default_rng(0).uniform(-1.0, 1.0, shape).astype(np.float32)
         assert policy(seen).std() > 0.1
 
     def test_every_face_plays_the_same_bits(self, name: str) -> None:
@@ -79,7 +84,7 @@ class TestByName:
 
 
 def test_a_name_that_does_not_ship() -> None:
-    with pytest.raises(ValueError, match=r"opponent must be one of .*'adept', 'expert'.* got 'master'"):
+    with pytest.raises(ValueError, match=r"opponent must be one of .*'expert', 'robust'.* got 'master'"):
         airhockey_env.AirHockeyEnv(opponent="master")
 
 
@@ -94,8 +99,15 @@ def test_without_torch() -> None:
     subprocess.run([sys.executable, "-c", code], check=True, timeout=300)
 
 
-@pytest.mark.parametrize(("weaker", "stronger"), [("random", "goalie"), ("idle", "striker"), *pairwise(NAMES[2:])])
+@pytest.mark.parametrize(("weaker", "stronger"), [("random", "goalie"), ("idle", "striker"), *pairwise(NAMES[2:-1])])
 def test_the_order(weaker: str, stronger: str) -> None:
     """Deterministic, so no test that fails by chance: the points are those of these seeds."""
     result = play_points(stronger, weaker, 400, seed=11)
     assert result.wins > 1.5 * result.losses
+
+
+@pytest.mark.parametrize("camera", ["robot", "slow"])
+def test_cameras_harm_robust_less_than_expert(camera: str) -> None:
+    conditions = Conditions(camera=resolve_camera(camera).fields())
+    played = [play_points(name, "striker", 400, seed=11, conditions=conditions) for name in ("expert", "robust")]
+    assert played[1].decided > played[0].decided + 0.05

@@ -1,4 +1,4 @@
-"""Trained policies that ship with the package, by name: `opponent="adept"`, `opponent="expert"`.
+"""Trained policies that ship with the package, by name, such as `opponent="expert"`.
 
 Their model cards stand in docs/trained.md: how they were made, how they rate, and what they are bad at.
 """
@@ -10,8 +10,8 @@ from pathlib import Path
 
 from airhockey_env.opponents.policy import MlpPolicy
 
-TRAINED = ("adept", "expert")
-"""From weaker to stronger."""
+TRAINED = ("adept", "expert", "robust")
+"""`adept` and `expert`, from weaker to stronger, see exact states; `robust` has learned to do without."""
 
 
 @functools.cache
