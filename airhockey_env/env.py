@@ -18,7 +18,7 @@ from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT, RIGHT
 from airhockey_env.opponents.players import Player, resolve_players
 from airhockey_env.spaces import action_space, observation_space
-from airhockey_env.tables import TableSpec, resolve_randomize
+from airhockey_env.tables import TableSpec
 from airhockey_env.threads import one_at_a_time
 
 _ONLY = np.zeros(1, np.int64)
@@ -209,7 +209,7 @@ class AirHockeyEnv(TableEnv, gym.Env):
             continuous=continuous,
             reward=reward,
             control_hz=control_hz,
-            randomize=resolve_randomize(randomize),
+            randomize=randomize,
             camera=(camera, None),
             left_stack=check_stack("stack", stack),
             left_action_delay_ms=check_action_delay("action_delay_ms", action_delay_ms),

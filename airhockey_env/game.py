@@ -53,7 +53,7 @@ from airhockey_env.opponents.pool import Needs, Pool
 from airhockey_env.player_interface import PlayerInterfaces
 from airhockey_env.reset_options import SERVERS, ResetOptions, check_reset_options
 from airhockey_env.saved_states import check_state, game_state, restore, save
-from airhockey_env.tables import FIELDS, TableSpec, check_randomize, resolve_table
+from airhockey_env.tables import FIELDS, TableSpec, check_randomize, resolve_randomize, resolve_table
 from airhockey_env.threads import Threads, one_at_a_time
 
 _FLOAT32 = np.dtype(np.float32)
@@ -147,7 +147,7 @@ class Game:
         continuous: bool = True,
         reward: str = "sparse",
         control_hz: float = 50,
-        randomize: Mapping[str, Any] | None = None,
+        randomize: str | Mapping[str, Any] | None = None,
         camera: CameraLike | Sequence[CameraLike | None] | None = None,
         left_stack: int = 1,
         right_stack: int = 1,
@@ -170,8 +170,9 @@ class Game:
         self.autoreset_mode: AutoresetMode = _autoreset_mode(autoreset_mode)
         self._reset_by_hand = self.autoreset_mode is AutoresetMode.DISABLED
         self._threads = Threads(None if num_threads is None else check_whole("num_threads", num_threads, 1))
-        self.ranges: NDArray[np.float64] = check_randomize(self.spec, {} if randomize is None else randomize)
-        self.randomized: tuple[str, ...] = () if randomize is None else tuple(randomize)
+        ranges = resolve_randomize(randomize)
+        self.ranges: NDArray[np.float64] = check_randomize(self.spec, {} if ranges is None else ranges)
+        self.randomized: tuple[str, ...] = () if ranges is None else tuple(ranges)
         self.parameters: NDArray[np.void] = make_parameters(self.spec, self.control_hz)
         if self.randomized:
             self.parameters = np.repeat(self.parameters, n)

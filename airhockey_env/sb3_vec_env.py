@@ -21,7 +21,7 @@ from airhockey_env.opponents.players import Player, resolve_players
 from airhockey_env.reset_options import ResetOptions
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.table_view import of_tables, set_of_tables
-from airhockey_env.tables import TableSpec, resolve_randomize
+from airhockey_env.tables import TableSpec
 from airhockey_env.threads import one_at_a_time
 
 try:
@@ -50,10 +50,11 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
         max_episode_steps: steps after which an episode is truncated; None: those of the task's id; -1: no limit.
         num_threads: threads that share a large batch; None takes all cores. The results do not depend on it.
         render_mode: None or `"rgb_array"`.
-        task, opponent, opponent_skill, table, obs_type, continuous, reward, control_hz, randomize, camera, stack,
-            action_delay_ms, render_size: as in `AirHockeyEnv`. `opponent` may also be a sequence, a pool whose members
-            share the tables and that can be changed while playing: see `pool`. `opponent_skill` may also be an array,
-            one for each table.
+        task, table, obs_type, continuous, reward, control_hz, randomize, render_size: as in `AirHockeyEnv`.
+        camera, stack, action_delay_ms: as in `AirHockeyEnv`.
+        opponent, opponent_skill: as in `AirHockeyEnv`. `opponent` may also be a sequence, a pool whose members share
+            the tables and that can be changed while playing: see `pool`. `opponent_skill` may also be an array, one
+            for each table.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012
@@ -90,7 +91,7 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
             continuous=continuous,
             reward=reward,
             control_hz=control_hz,
-            randomize=resolve_randomize(randomize),
+            randomize=randomize,
             camera=(camera, None),
             left_stack=check_stack("stack", stack),
             left_action_delay_ms=check_action_delay("action_delay_ms", action_delay_ms),
