@@ -78,7 +78,7 @@ def or_none(kind: Kind) -> Kind:
     return Kind(f"{kind.text} or null", lambda value: value is None or kind.fits(value))
 
 
-def read_json(path: Path, pattern: Any = None, most: int = MOST_BYTES) -> Any:
+def read_json(path: Path, pattern: Any = None, most: int | None = None) -> Any:
     """Read a JSON file.
 
     Args:
@@ -86,13 +86,13 @@ def read_json(path: Path, pattern: Any = None, most: int = MOST_BYTES) -> Any:
         pattern: what the file must contain: a `Kind`; a dict from names to patterns, for an object with at least these
             names; a list of one pattern, for a list of any length; a tuple of patterns, for a list of that length.
             None accepts anything.
-        most: greatest size of the file, bytes.
+        most: greatest size of the file, bytes; `MOST_BYTES` by default.
 
     Raises:
         OSError: the file cannot be read.
         ValueError: the file is not JSON, is too large, or does not match the pattern. The message names the file.
     """
-    size = path.stat().st_size
+    size, most = path.stat().st_size, MOST_BYTES if most is None else most
     if size > most:
         raise ValueError(f"{path} has {size:,} bytes, and at most {most:,} are allowed")
     try:

@@ -149,8 +149,8 @@ class AirTable:
             raise fault("positions", "an (N, 2) array in m", positions) from error
         if n == 0:
             raise ValueError("positions must hold at least one disc, got none")
-        self.method = check_choice("method", method, METHODS)
-        self.time = 0.0
+        self.method: str = check_choice("method", method, METHODS)
+        self.time: float = 0.0
         self._positions = check_array("positions", positions, (n, 2), "an (N, 2) array in m")
         self._velocities = check_array("velocities", velocities, (n, 2), "an (N, 2) array in m/s, N as in positions")
         self._check_motion()
@@ -164,7 +164,7 @@ class AirTable:
         self._surface["disc_restitution"] = check_number("restitution", restitution, 0, 1)
         self._surface["wall_restitution"] = check_number("wall_restitution", wall_restitution, 0, 1)
         self._surface["wall_tangential"] = 1.0
-        self.size = self._check_size(size)
+        self.size: tuple[float, float] | None = self._check_size(size)
         half_length, half_width = (math.inf, math.inf) if self.size is None else (0.5 * s for s in self.size)
         self._surface["half_length"] = half_length
         self._surface["half_width"] = half_width

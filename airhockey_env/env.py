@@ -7,6 +7,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
@@ -17,7 +18,7 @@ from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT, RIGHT
 from airhockey_env.opponents.players import Player, resolve_players
 from airhockey_env.spaces import action_space, observation_space
-from airhockey_env.tables import TableSpec, resolve_randomize
+from airhockey_env.tables import TableSpec
 from airhockey_env.threads import one_at_a_time
 
 _ONLY = np.zeros(1, np.int64)
@@ -33,7 +34,7 @@ class AirHockeyEnv(TableEnv, gym.Env):
 
     | id | `task` | an episode | opponent | truncated after |
     |---|---|---|---|---|
-    | `AirHockey-v0` | `"point"` | one point | `"striker"` | 1500 steps |
+    | `AirHockey-v0` | `"point"` | one point against an opponent | `"striker"` | 1500 steps |
     | `AirHockeyMatch-v0` | `"match"` | a match, first to 7 points | `"striker"` | 15000 steps |
     | `AirHockeyHit-v0` | `"hit"` | a still puck on your side, an unattended far side: put it in the goal | `"idle"` | 500 steps |
     | `AirHockeyDefend-v0` | `"defend"` | a shot is on its way: keep it out | `"idle"` | 250 steps |
@@ -105,7 +106,8 @@ class AirHockeyEnv(TableEnv, gym.Env):
     off each side wall. Your paddle rests 60 to 90 % of the half length from the centre, up to half the half width off
     the long axis.
 
-    In both, the opponent's paddle is parked in a far corner, at +y. An opponent other than `"idle"` starts from there.
+    Hit, defend: the opponent's paddle is parked in a far corner, at +y. An opponent other than `"idle"` starts from
+    there.
 
     `reset(options={"serve": "left"})` (or `"right"`, `"random"`) chooses who serves, where an episode begins with a
     serve. `"puck_position"` and `"puck_velocity"`, two numbers each in m and m/s, set those of the puck; with
@@ -116,14 +118,17 @@ class AirHockeyEnv(TableEnv, gym.Env):
     the other side serves. The puck's speed is capped at the table's `puck_speed` at the end of each step.
 
     ## Episode end
-    Point: terminates with a goal; success is a goal of yours. Match: terminates when a side has 7 points; success is
-    when it is yours. A foul ends neither.
+    Point: an episode terminates with a goal, and is a success if the goal is yours. A foul does not end it.
 
-    Hit: terminates with a goal on either side, with a foul, and when the puck is on the far side and slower than
-    0.05 m/s; success is a goal of yours.
+    Match: an episode terminates when a side has 7 points, and is a success if that side is yours. A foul does not end
+    it.
 
-    Defend: terminates with a goal, with a foul, and once the shot is kept out: back on the far side and not flying
-    towards you any more, or slower than 0.3 m/s; success is no goal against.
+    Hit: an episode terminates with a goal on either side, with a foul, and when the puck is on the far side and slower
+    than 0.05 m/s. It is a success if the goal is yours.
+
+    Defend: an episode terminates with a goal, with a foul, and once the shot is kept out, which means that the puck is
+    back on the far side and not flying towards you any more, or slower than 0.3 m/s. It is a success if there was no
+    goal against you.
 
     `gymnasium.make` truncates after the control steps in the table above (at 50 Hz these are 30 s, 5 min, 10 s and
     5 s), and a truncated episode is not a success. `max_episode_steps` changes the limit, and -1 turns it off.
@@ -204,7 +209,7 @@ class AirHockeyEnv(TableEnv, gym.Env):
             continuous=continuous,
             reward=reward,
             control_hz=control_hz,
-            randomize=resolve_randomize(randomize),
+            randomize=randomize,
             camera=(camera, None),
             left_stack=check_stack("stack", stack),
             left_action_delay_ms=check_action_delay("action_delay_ms", action_delay_ms),
@@ -213,8 +218,8 @@ class AirHockeyEnv(TableEnv, gym.Env):
             num_threads=1,
         )
         self._set_up(game, render_mode, render_size, ("action", "opponent"))
-        self.observation_space = observation_space(game.obs_type, game.interfaces[LEFT].stack)
-        self.action_space = action_space(game.continuous)
+        self.observation_space: spaces.Box = observation_space(game.obs_type, game.interfaces[LEFT].stack)
+        self.action_space: spaces.Box | spaces.Discrete = action_space(game.continuous)
 
     @one_at_a_time
     def reset(

@@ -53,7 +53,7 @@ from airhockey_env.opponents.pool import Needs, Pool
 from airhockey_env.player_interface import PlayerInterfaces
 from airhockey_env.reset_options import SERVERS, ResetOptions, check_reset_options
 from airhockey_env.saved_states import check_state, game_state, restore, save
-from airhockey_env.tables import FIELDS, TableSpec, check_randomize, resolve_table
+from airhockey_env.tables import FIELDS, TableSpec, check_randomize, resolve_randomize, resolve_table
 from airhockey_env.threads import Threads, one_at_a_time
 
 _FLOAT32 = np.dtype(np.float32)
@@ -62,8 +62,8 @@ REWARDS = ("sparse", "shaped")
 OBS_TYPES = ("state", *CHANNELS)
 CONTROL_RATES = (10, 240)
 """Hz, least and greatest."""
-ROWS_PER_THREAD = 1024
-"""Fewer tables than this are not worth waking a thread for."""
+ROWS_PER_THREAD = 2048
+"""Fewer tables than this, which take 0.1 ms, are not worth waking a thread for, which takes 0.04 ms."""
 
 _AUTORESET = {
     AutoresetMode.DISABLED: AUTORESET_DISABLED,
@@ -147,7 +147,7 @@ class Game:
         continuous: bool = True,
         reward: str = "sparse",
         control_hz: float = 50,
-        randomize: Mapping[str, Any] | None = None,
+        randomize: str | Mapping[str, Any] | None = None,
         camera: CameraLike | Sequence[CameraLike | None] | None = None,
         left_stack: int = 1,
         right_stack: int = 1,
@@ -158,23 +158,25 @@ class Game:
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         num_threads: int | None = None,
     ) -> None:
-        n = self.num_tables = check_whole("num_tables", num_tables, 1)
-        self.spec = resolve_table(table)
-        self.obs_type = check_choice("obs_type", obs_type, OBS_TYPES)
-        self.pixels = Pixels(obs_type) if obs_type in CHANNELS else None
+        self.num_tables: int = check_whole("num_tables", num_tables, 1)
+        n = self.num_tables
+        self.spec: TableSpec = resolve_table(table)
+        self.obs_type: str = check_choice("obs_type", obs_type, OBS_TYPES)
+        self.pixels: Pixels | None = Pixels(obs_type) if obs_type in CHANNELS else None
         if not isinstance(continuous, (bool, np.bool_)):
             raise fault("continuous", "True or False", continuous)
-        self.continuous = bool(continuous)
-        self.control_hz = check_number("control_hz", control_hz, *CONTROL_RATES)
-        self.autoreset_mode = _autoreset_mode(autoreset_mode)
+        self.continuous: bool = bool(continuous)
+        self.control_hz: float = check_number("control_hz", control_hz, *CONTROL_RATES)
+        self.autoreset_mode: AutoresetMode = _autoreset_mode(autoreset_mode)
         self._reset_by_hand = self.autoreset_mode is AutoresetMode.DISABLED
         self._threads = Threads(None if num_threads is None else check_whole("num_threads", num_threads, 1))
-        self.ranges = check_randomize(self.spec, {} if randomize is None else randomize)
-        self.randomized = () if randomize is None else tuple(randomize)
-        self.parameters = make_parameters(self.spec, self.control_hz)
+        ranges = resolve_randomize(randomize)
+        self.ranges: NDArray[np.float64] = check_randomize(self.spec, {} if ranges is None else ranges)
+        self.randomized: tuple[str, ...] = () if ranges is None else tuple(ranges)
+        self.parameters: NDArray[np.void] = make_parameters(self.spec, self.control_hz)
         if self.randomized:
             self.parameters = np.repeat(self.parameters, n)
-        self.settings = records(1, SETTINGS)
+        self.settings: NDArray[np.void] = records(1, SETTINGS)
         self.settings["task"] = TASKS[check_choice("task", task, tuple(sorted(TASKS)))].number
         self.settings["points"] = TASKS[task].points if points is None else check_whole("points", points, 1)
         self.settings["max_steps"] = check_limit(max_episode_steps, TASKS[task].max_episode_steps)
@@ -187,26 +189,26 @@ class Game:
             check_action_delay("right_action_delay_ms", right_action_delay_ms),
         )
 
-        self.states = records(n, STATE)
+        self.states: NDArray[np.void] = records(n, STATE)
         self.states["skill"][:, LEFT] = check_skill(left_skill, n, "left_skill")
         self.states["skill"][:, RIGHT] = check_skill(right_skill, n, "right_skill")
         self.out: Outputs = make_outputs(n, bool(self.randomized))
         self._drivers = np.full((2, n), EXTERNAL, np.int8)
         tables = Tables(n, self.control_hz, self.parameters, self.settings, self._drivers, self.out)
-        self.interfaces = PlayerInterfaces(tables, stacks, delays, camera)
-        self.pools = (self._make_pool("left", LEFT, left), self._make_pool("right", RIGHT, right))
+        self.interfaces: PlayerInterfaces = PlayerInterfaces(tables, stacks, delays, camera)
+        self.pools: tuple[Pool, Pool] = (self._make_pool("left", LEFT, left), self._make_pool("right", RIGHT, right))
         self._no_actions = np.zeros((n, 2), np.float32)
         self._all_rows = np.arange(n)
         self._needs: tuple[Needs, Needs] | None = None  # those of the two pools that were last seen to
         self._sent = self._no_actions, self._no_actions  # the actions of the last step
         self._see_to_needs()
-        self.begun = False
-        self.seeded = False
-        self.action_names = ("left", "right")
+        self.begun: bool = False
+        self.seeded: bool = False
+        self.action_names: tuple[str, str] = ("left", "right")
         """What errors call the actions of the two players."""
-        self.plain = self.pixels is None and stacks == (1, 1)
+        self.plain: bool = self.pixels is None and stacks == (1, 1)
         """Whether `observations` are those in `out`."""
-        self.one_table = False
+        self.one_table: bool = False
         """Whether actions come without an axis of tables, which a game on one table needs not have."""
 
     # What a caller does -----------------------------------------------------------------------------------------

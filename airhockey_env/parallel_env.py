@@ -18,7 +18,7 @@ from airhockey_env.checks import check_action_delay, check_choice, check_limit, 
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT, RIGHT
 from airhockey_env.spaces import action_space, observation_space
-from airhockey_env.tables import TableSpec, resolve_randomize
+from airhockey_env.tables import TableSpec
 from airhockey_env.threads import one_at_a_time
 
 try:
@@ -153,7 +153,7 @@ class AirHockeyParallelEnv(TableEnv, ParallelEnv[str, NDArray[Any], Any]):
             continuous=continuous,
             reward=reward,
             control_hz=control_hz,
-            randomize=resolve_randomize(randomize),
+            randomize=randomize,
             camera=camera,
             left_stack=check_stack("stack", stack),
             right_stack=stack,

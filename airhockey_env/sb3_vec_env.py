@@ -30,7 +30,7 @@ from airhockey_env.opponents.players import Player, resolve_players
 from airhockey_env.reset_options import ResetOptions
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.table_view import of_tables, set_of_tables
-from airhockey_env.tables import FIELDS, TableSpec, resolve_randomize
+from airhockey_env.tables import FIELDS, TableSpec
 from airhockey_env.threads import one_at_a_time
 
 try:
@@ -48,8 +48,8 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
     `TimeLimit.truncated`, `score`, `foul` and `is_success`; the infos of other steps are empty, so that a step of many
     tables does not make many objects. `VecMonitor` and the other wrappers of Stable-Baselines3 work on top.
 
-    `get_attr`, `set_attr` and `env_method` mean what they mean for a `DummyVecEnv` of `AirHockeyEnv`s: they are about
-    each table's own. What concerns the whole batch is called directly, through Stable-Baselines3's wrappers too.
+    `get_attr`, `set_attr` and `env_method` mean what they mean for a `DummyVecEnv` of `AirHockeyEnv` tables: they are
+    about each table's own. What concerns the whole batch is called directly, through Stable-Baselines3's wrappers too.
 
     Pictures have an axis of channels, as Stable-Baselines3's `VecFrameStack` and `CnnPolicy` need it:
     `obs_type="grayscale"` gives (84, 84, 1) here, and with `stack=K` (K, 84, 84), where the pictures are the channels.
@@ -59,10 +59,11 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
         max_episode_steps: steps after which an episode is truncated; None: those of the task's id; -1: no limit.
         num_threads: threads that share a large batch; None takes all cores. The results do not depend on it.
         render_mode: None or `"rgb_array"`.
-        task, opponent, opponent_skill, table, obs_type, continuous, reward, control_hz, randomize, camera, stack,
-            action_delay_ms, render_size: as in `AirHockeyEnv`. `opponent` may also be a sequence, a pool whose members
-            share the tables and that can be changed while playing: see `pool`. `opponent_skill` may also be an array,
-            one for each table.
+        task, table, obs_type, continuous, reward, control_hz, randomize, render_size: as in `AirHockeyEnv`.
+        camera, stack, action_delay_ms: as in `AirHockeyEnv`.
+        opponent, opponent_skill: as in `AirHockeyEnv`. `opponent` may also be a sequence, a pool whose members share
+            the tables and that can be changed while playing: see `pool`. `opponent_skill` may also be an array, one
+            for each table.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012
@@ -99,7 +100,7 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
             continuous=continuous,
             reward=reward,
             control_hz=control_hz,
-            randomize=resolve_randomize(randomize),
+            randomize=randomize,
             camera=(camera, None),
             left_stack=check_stack("stack", stack),
             left_action_delay_ms=check_action_delay("action_delay_ms", action_delay_ms),

@@ -24,8 +24,8 @@ class Threads:
     """
 
     def __init__(self, num_threads: int | None) -> None:
-        self.num_threads = num_threads or _cores()
-        self.lock = threading.RLock()
+        self.num_threads: int = num_threads or _cores()
+        self.lock: threading.RLock = threading.RLock()
         self._pool: ThreadPoolExecutor | None = None
         _all.add(self)
 

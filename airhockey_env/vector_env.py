@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from gymnasium import Space
+from gymnasium import Space, spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +20,7 @@ from airhockey_env.kernel.state import LEFT
 from airhockey_env.opponents.players import Player, resolve_players
 from airhockey_env.spaces import action_space, observation_space
 from airhockey_env.table_view import of_tables, set_of_tables
-from airhockey_env.tables import TableSpec, resolve_randomize
+from airhockey_env.tables import TableSpec
 from airhockey_env.threads import one_at_a_time
 
 
@@ -39,10 +39,11 @@ class AirHockeyVectorEnv(BatchEnv, VectorEnv):
         render_mode: None; `"rgb_array"`, with which `render()` returns a tuple of pictures, one for each table; or
             `"rgb_array_list"`, with which it returns a tuple of lists, the pictures of each table's episode since the
             last call, as with Gymnasium's `RenderCollection`.
-        task, opponent, opponent_skill, table, obs_type, continuous, reward, control_hz, randomize, camera, stack,
-            action_delay_ms, render_size: as in `AirHockeyEnv`. A callable opponent is asked once a step, for all
-            tables. `opponent` may also be a sequence, a pool whose members share the tables and that can be changed
-            while playing: see `pool`. `opponent_skill` may also be an array, one for each table.
+        task, table, obs_type, continuous, reward, control_hz, randomize, render_size: as in `AirHockeyEnv`.
+        camera, stack, action_delay_ms: as in `AirHockeyEnv`.
+        opponent, opponent_skill: as in `AirHockeyEnv`. A callable opponent is asked once a step, for all tables.
+            `opponent` may also be a sequence, a pool whose members share the tables and that can be changed while
+            playing: see `pool`. `opponent_skill` may also be an array, one for each table.
 
     Infos have Gymnasium's vector form: `score` (num_envs, 2), `foul` and `is_success` (num_envs,), and with `randomize`
     `table`, each with its mask; with `SAME_STEP` also `final_obs` and `final_info`. The contacts of the last step are
@@ -90,7 +91,7 @@ class AirHockeyVectorEnv(BatchEnv, VectorEnv):
             continuous=continuous,
             reward=reward,
             control_hz=control_hz,
-            randomize=resolve_randomize(randomize),
+            randomize=randomize,
             camera=(camera, None),
             left_stack=check_stack("stack", stack),
             left_action_delay_ms=check_action_delay("action_delay_ms", action_delay_ms),
@@ -99,16 +100,16 @@ class AirHockeyVectorEnv(BatchEnv, VectorEnv):
             num_threads=num_threads,
         )
         self._set_up(game, render_mode, render_size, ("actions", "opponent"))
-        self.autoreset_mode = game.autoreset_mode
+        self.autoreset_mode: AutoresetMode = game.autoreset_mode
         self._films: list[list[NDArray[np.uint8]]] = [
             [] for _ in range(num_envs if render_mode == "rgb_array_list" else 0)
         ]
         self.metadata["autoreset_mode"] = self.autoreset_mode
-        self.num_envs = game.num_tables
-        self.single_observation_space = observation_space(game.obs_type, game.interfaces[LEFT].stack)
-        self.single_action_space = action_space(game.continuous)
-        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.num_envs: int = game.num_tables
+        self.single_observation_space: spaces.Box = observation_space(game.obs_type, game.interfaces[LEFT].stack)
+        self.single_action_space: spaces.Box | spaces.Discrete = action_space(game.continuous)
+        self.observation_space: spaces.Space[Any] = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space: spaces.Space[Any] = batch_space(self.single_action_space, self.num_envs)
 
     @one_at_a_time
     def reset(

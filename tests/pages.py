@@ -1,7 +1,11 @@
-"""The blocks of code on a page of the docs. Needs nothing but Python: tests of other environments read pages too."""
+"""The blocks of code on a page of the docs. Needs nothing but Python: tests of other environments read pages too.
+
+`python tests/pages.py PAGE` prints the Python blocks of a page, as a program.
+"""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import NamedTuple
 
@@ -34,3 +38,7 @@ def blocks(page: Path) -> list[Block]:
             section += 1
     assert not start, f"{page}: a block of code does not end"
     return found
+
+
+if __name__ == "__main__":
+    print("\n".join(block.code for block in blocks(Path(sys.argv[1])) if block.language == "python"))

@@ -14,11 +14,12 @@ from pathlib import Path
 import gymnasium
 import pytest
 
+from agents.onnx_files import to_onnx
 from airhockey_env import AirHockeyEnv, Game
 from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.opponents.players import NAMES
 from airhockey_env.parallel_env import AirHockeyParallelEnv
-from scripts.make_docs import environments_page
+from scripts.make_docs import pages
 from tests.helpers import IDS, ROOT, still_policy
 from tests.pages import WORKS_WITH, Block, blocks
 
@@ -52,6 +53,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 @pytest.mark.parametrize("page", [page for page in PAGES if page != WORKS_WITH], ids=lambda page: page.name)
 def test_python_blocks_run(page: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     names: dict[str, object] = {"__name__": "example"}
+    if page.name == "robot.md":
+        (folder / "robot.onnx").write_bytes(to_onnx(still_policy()))
     for block in examples(page):
         exec(compile("\n" * block.line + block.code, str(page), "exec"), names)
     printed = capsys.readouterr().out
@@ -141,9 +144,16 @@ def test_commands_exist(page: Path) -> None:
         assert (ROOT / "scripts" / f"{name}.py").exists(), f"there is no scripts.{name}"
 
 
-def test_the_page_of_the_environments_is_that_of_their_docstrings() -> None:
-    page = (ROOT / "docs" / "environments.md").read_text(encoding="utf-8")
-    assert page == environments_page(), "python -m scripts.make_docs"
+def test_the_pages_of_the_environments_are_those_of_their_docstrings() -> None:
+    for name, text in pages().items():
+        assert (ROOT / "docs" / name).read_text(encoding="utf-8") == text, "python -m scripts.make_docs"
+
+
+def test_every_environment_has_a_page_with_a_moving_picture() -> None:
+    titles = {re.findall("^# (.*)$", text, flags=re.MULTILINE)[0]: text for text in pages().values()}
+    for name in IDS:
+        (picture,) = re.findall(r"\((env_\w+\.gif)\)", titles[name])
+        assert (ROOT / "docs" / picture).exists()
 
 
 @pytest.mark.parametrize("environment", [AirHockeyEnv, AirHockeyParallelEnv])

@@ -181,6 +181,18 @@ def test_a_missing_extra_is_named(tmp_path: Path) -> None:
     assert "airhockey-env[human]" in printed
 
 
-def test_the_version_stands_in_one_place() -> None:
+def test_the_version_is_the_same_everywhere() -> None:
     assert airhockey_env.__version__ in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert f"version: {airhockey_env.__version__}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"{{{airhockey_env.__version__}}}" in (ROOT / "docs" / "cite.md").read_text(encoding="utf-8")
+
+
+def test_the_address_is_the_same_everywhere() -> None:
+    tomllib = pytest.importorskip("tomllib")
+    with open(ROOT / "pyproject.toml", "rb") as file:
+        urls = tomllib.load(file)["project"]["urls"]
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"repository-code: {urls['Repository']}\n" in citation
+    assert f"url: {urls['Homepage']}\n" in citation
+    assert f"{{{urls['Repository']}}}" in (ROOT / "docs" / "cite.md").read_text(encoding="utf-8")
+    assert f"{urls['Repository']}/actions" in (ROOT / "README.md").read_text(encoding="utf-8")

@@ -136,7 +136,7 @@ def test_a_model_plays_as_it_does_in_stable_baselines3(name: str, tmp_path: Path
         )  # fmt: skip
     else:
         assert isinstance(player, ModelPlayer)
-        assert player.frames == {"ppo, stacked": 3, "ppo, small pictures": 2}.get(name, 1)
+        assert player.sight.frames == {"ppo, stacked": 3, "ppo, small pictures": 2}.get(name, 1)
     assert not marker.exists()
 
 

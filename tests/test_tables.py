@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from airhockey_env import PRESETS, AirHockeyEnv, TableSpec
+from airhockey_env import PRESETS, AirHockeyEnv, Game, TableSpec
 from airhockey_env.tables import CHALLENGE, FULL_SIZE, IDEAL, TABLES, resolve_table
 from tests.api.apis import APIS
 from tests.helpers import INF, NAN, begin, snapshot
@@ -75,6 +75,14 @@ def test_every_api_draws_from_named_ranges(api):
         for field in FIELDS:
             low, high = TABLES.get(field, (getattr(FULL_SIZE, field),) * 2)
             assert low <= getattr(table, field) <= high
+
+
+def test_a_game_draws_from_named_ranges():
+    named, written = (Game(3, randomize=ranges) for ranges in ("tables", TABLES))
+    for game in (named, written):
+        game.reset(seed=5)
+    assert named.get_state().tobytes() == written.get_state().tobytes()
+    assert named.table_of(0) != named.table_of(1)
 
 
 @pytest.mark.parametrize("api", APIS)

@@ -211,7 +211,7 @@ def _within(means: Array, covariance: Array, limits: Array, spreads: Array) -> l
 
     def best(matrix: Array, target: Array, least: Array, greatest: Array) -> tuple[Array, float]:
         found = lsq_linear(matrix, target, (least, greatest), method="bvls", tol=1e-12)
-        return found.x, 2.0 * found.cost
+        return np.clip(found.x, least, greatest), 2.0 * found.cost  # rounding can lead a little beyond a limit
 
     values, cost = best(root, root @ means, limits[:, 0], limits[:, 1])
     results = []

@@ -15,11 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.conditions import EXACT, Conditions
-from agents.measuring.evaluation import CONTROL_HZ, Result, TaskResult, play_points, play_task, wilson_interval
-from agents.measuring.shots import FORWARD, SHOT, Recorder, play_on, specs_in_play
+from agents.measuring.evaluation import CONTROL_HZ, Result, TaskResult, play_points, play_task
+from agents.measuring.goals import Goals, count_goals
+from agents.measuring.shares import Share, quartiles
+from agents.measuring.shots import FORWARD, SHOT, Watch, play_on, specs_in_play, speed_of
 from agents.models import Player
 from airhockey_env.game import Game
-from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
+from airhockey_env.kernel.state import LEFT, RIGHT
 from airhockey_env.tables import FIELDS
 
 SPEEDS = (0.0, 2.0, 4.0, 6.0, 8.0, math.inf)
@@ -27,27 +29,6 @@ SPEEDS = (0.0, 2.0, 4.0, 6.0, 8.0, math.inf)
 
 REACTED = 0.1
 """Share of its greatest speed at which a paddle counts as having set off."""
-
-
-@dataclass(frozen=True)
-class Share:
-    """A count out of a total."""
-
-    count: int
-    of: int
-
-    @property
-    def value(self) -> float:
-        return self.count / self.of if self.of else math.nan
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """95 % Wilson interval."""
-        return wilson_interval(self.count, self.of)
-
-    def as_dict(self) -> dict[str, Any]:
-        """For a JSON file."""
-        return {"count": self.count, "of": self.of, "share": self.value, "share_95": list(self.interval)}
 
 
 @dataclass(frozen=True)
@@ -95,6 +76,8 @@ class Card:
     saves: list[Saves]  # by speed
     zone: float  # share of that time with the puck on the far half
     possession: float  # with the puck on the near half, last touched by the player
+    goals: Goals  # in that play
+    conceded: Goals  # those of the opponent
     fouls: int  # in that play
     own_goals: int
     deflected: int  # of these, shots on target that went in off the player
@@ -120,6 +103,8 @@ class Card:
             "hit_shots": {kind: shots.as_dict() for kind, shots in self.hit_shots.items()},
             "saves": [saves.as_dict() for saves in self.saves],
             "attacking": {"share": self.attacking, "zone": self.zone, "possession": self.possession},
+            "goals": self.goals.as_dict(),
+            "conceded": self.conceded.as_dict(),
             "fouls": self.fouls,
             "own_goals": {"count": self.own_goals, "deflected": self.deflected},
             "reaction": {
@@ -131,13 +116,6 @@ class Card:
             },
             "tasks": [self.hit.as_dict(), self.defend.as_dict()],
         }
-
-
-def quartiles(values: NDArray[np.float64]) -> list[float]:
-    """First quartile, median and third quartile. Infinite values count as the greatest; NaN if there are no values."""
-    if not len(values):
-        return [math.nan] * 3
-    return [float(value) for value in np.quantile(values, [0.25, 0.5, 0.75], method="nearest")]
 
 
 def measure(
@@ -163,28 +141,30 @@ def measure(
     Raises:
         ValueError: an argument is out of range.
     """
-    played, hits, defences = _Watch(), _Watch(), _Defences()
+    played, hits, defences = Watch(), Watch(), _Defences()
     shared: dict[str, Any] = {"seed": seed, "conditions": conditions}
     result = play_points(player, opponent, points, name=opponent_name, observer=played, **shared)
     hit = play_task(player, "hit", episodes, observer=hits, **shared)
     defend = play_task(player, "defend", episodes, observer=defences, **shared)
 
-    own, incoming = played.shots()
+    own, incoming = _flown(played)
     defended = defences.shots()
     threats = incoming.shots[incoming.on_target]
-    steps = sum(recorder.steps for recorder in played.recorders)
+    steps = sum(recorder.steps for _, recorder, _ in played.games)
     return Card(
         player=player_name,
         result=result,
         seconds=steps / CONTROL_HZ,
         shots=_by_kind(own),
-        hit_shots=_by_kind(hits.shots()[0]),
+        hit_shots=_by_kind(_flown(hits)[0]),
         saves=[
             Saves(low, high, _saved(threats, low, high), _saved(defended.shots[defended.on_target], low, high))
             for low, high in pairwise(SPEEDS)
         ],
         zone=played.total("zone") / steps,
         possession=played.total("possession") / steps,
+        goals=count_goals(played),
+        conceded=count_goals(played, of_opponent=True),
         fouls=played.total("fouls"),
         own_goals=played.total("own_goals"),
         deflected=int((threats["scored"] & threats["touched"]).sum()),
@@ -206,34 +186,17 @@ class Flown(NamedTuple):
     arrives: NDArray[np.float64]  # m, to the shooter's left of the goal's centre; NaN: never at the far end
 
 
-class _Watch:
-    """Observes every game with a `Recorder`."""
-
-    def __init__(self) -> None:
-        self.recorders: list[Recorder] = []
-        self._games: list[tuple[Game, int]] = []  # and the player's side
-
-    def __call__(self, game: Game, own: int) -> Callable[[NDArray[np.bool_]], None]:
-        self.recorders.append(Recorder(game))
-        self._games.append((game, own))
-        return self.recorders[-1].note
-
-    def total(self, name: str) -> int:
-        """The sum of one of the recorders' counts for the player."""
-        counted = zip(self.recorders, self._games, strict=True)
-        return sum(int(getattr(recorder, name)[own]) for recorder, (_, own) in counted)
-
-    def shots(self) -> tuple[Flown, Flown]:
-        """The player's shots and the opponent's."""
-        both: tuple[list[Flown], list[Flown]] = ([], [])
-        for recorder, (game, own) in zip(self.recorders, self._games, strict=True):
-            shots = recorder.shots
-            courses = play_on(shots, game.control_hz)
-            arrives = courses.arrives * FORWARD[shots["shooter"]]
-            for flown, chosen in zip(both, (shots["shooter"] == own, shots["shooter"] != own), strict=True):
-                fields = (shots, courses.on_target, courses.bank, arrives)
-                flown.append(Flown(*(field[chosen] for field in fields)))
-        return _joined(both[0]), _joined(both[1])
+def _flown(watch: Watch) -> tuple[Flown, Flown]:
+    """The shots of the evaluated player and those of its opponent."""
+    both: tuple[list[Flown], list[Flown]] = ([], [])
+    for game, recorder, own in watch.games:
+        shots = recorder.shots
+        courses = play_on(shots, game.control_hz)
+        arrives = courses.arrives * FORWARD[shots["shooter"]]
+        for flown, chosen in zip(both, (shots["shooter"] == own, shots["shooter"] != own), strict=True):
+            fields = (shots, courses.on_target, courses.bank, arrives)
+            flown.append(Flown(*(field[chosen] for field in fields)))
+    return _joined(both[0]), _joined(both[1])
 
 
 def _joined(parts: Sequence[Flown]) -> Flown:
@@ -251,11 +214,6 @@ def _by_kind(flown: Flown) -> dict[str, Shots]:
         )
         for kind, chosen in kinds.items()
     }
-
-
-def speed_of(shots: NDArray[np.void]) -> NDArray[np.float64]:
-    """(n,) speed of the puck at the end of the step of the last touch, m/s."""
-    return np.linalg.norm(shots["start"]["velocity"][:, PUCK], axis=-1)
 
 
 def _saved(shots: NDArray[np.void], low: float, high: float) -> Share:

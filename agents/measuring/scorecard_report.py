@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from agents.measuring.scorecard import Card, Share, Shots, quartiles
+from agents.measuring.goals_report import print_goals, quartiles_of, share_of
+from agents.measuring.scorecard import Card, Shots
+from agents.measuring.shares import Share
 from agents.plots import BLUE, GREEN, GREY, INK, RED, RULE, SKY, plain, save_figure
 from agents.tables import print_table
 from airhockey_env.tables import TableSpec
@@ -22,14 +23,14 @@ def print_card(card: Card) -> None:
     rows = [
         (
             f"{where}, {kind}", str(len(row.speeds)), _share(row.on_target), _share(row.scored),
-            _quartiles(row.speeds, 1),
+            quartiles_of(row.speeds, 1),
         )
         for where, kinds in (("play", card.shots), ("hit", card.hit_shots))
         for kind, row in kinds.items()
     ]  # fmt: skip
     heads: tuple[str, ...] = ("", "shots", "on target (95 %)", "scored (95 %)", "m/s (quartiles)")
     print_table(f"Shots of {card.player}, in play against {opponent} and in the task hit", [heads, *rows])
-    kept = [(_class(saved.low, saved.high), _counted(saved.play), _counted(saved.defend)) for saved in card.saves]
+    kept = [(_class(saved.low, saved.high), share_of(saved.play), share_of(saved.defend)) for saved in card.saves]
     heads = ("m/s", "in play (95 %)", "in the task defend (95 %)")
     print_table("Shots on target that were kept out", [heads, *kept])
     rest = [
@@ -38,30 +39,23 @@ def print_card(card: Card) -> None:
         ("  puck on the far half", f"{card.zone:.1%}"),
         ("  in possession on the near half", f"{card.possession:.1%}"),
         ("fouls (shot clock), in an hour of play", f"{card.fouls} ({card.per_hour(card.fouls):.1f})"),
-        ("own goals, of all goals against", _counted(Share(card.own_goals, result.losses))),
+        ("own goals, of all goals against", share_of(Share(card.own_goals, result.losses))),
         ("  of these, shots on target off its paddle", str(card.deflected)),
     ]
     for kind, times in card.reaction.items():
         reacted = Share(int(np.isfinite(times).sum()), len(times))
-        rest.append((f"reaction to {kind} shots, s (quartiles)", _quartiles(times)))
-        rest.append(("  set off at all", _counted(reacted)))
+        rest.append((f"reaction to {kind} shots, s (quartiles)", quartiles_of(times)))
+        rest.append(("  set off at all", share_of(reacted)))
     for task in (card.hit, card.defend):
-        rest.append((f"successes in task {task.task}", _counted(Share(task.successes, task.episodes))))
+        rest.append((f"successes in task {task.task}", share_of(Share(task.successes, task.episodes))))
     print_table("The rest", [("", ""), *rest])
+    print_goals(f"Goals of {card.player}", card.goals)
+    print_goals(f"Goals of {opponent}", card.conceded)
 
 
 def _share(share: Share) -> str:
     low, high = share.interval
     return f"{share.value:.1%} ({100 * low:.1f}-{100 * high:.1f})" if share.of else "none"
-
-
-def _counted(share: Share) -> str:
-    return f"{share.count} of {share.of}, {_share(share)}" if share.of else "none"
-
-
-def _quartiles(values: NDArray[np.float64], digits: int = 2) -> str:
-    low, median, high = ("never" if math.isinf(value) else f"{value:.{digits}f}" for value in quartiles(values))
-    return f"{median} ({low}-{high})" if len(values) else "none"
 
 
 def _class(low: float, high: float) -> str:

@@ -7,6 +7,7 @@ shot would have gone, by simulating it without paddles.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +23,18 @@ SHOT = np.dtype(
         ("spec", np.float64, (len(FIELDS),)),  # of the table, which may be drawn for every episode
         ("start", STATE),  # state at the end of the step of the shooter's last touch
         ("banked", np.bool_),  # a wall was touched between that touch and the end of the step
+        ("origin", np.int8),  # how the shooter got the puck: SERVE, FOUL, REPLY or REBOUND
+        ("held", np.float64),  # s from then to that touch
         ("touched", np.bool_),  # the other player touched the puck before the shot was over
         ("scored", np.bool_),
     ]
 )
 """A shot starts when the puck enters the far half, last touched by the player that shoots at that end. It ends when the
 puck returns over the centre line or to the shooter's paddle, with a goal, or with a foul."""
+
+SERVE, FOUL, REPLY, REBOUND = range(4)
+"""How a side gets the puck: by the first serve, by a serve after the other side's shot clock has run out, over the
+centre line from the other player, or back from its own shot."""
 
 FORWARD = np.array([1, -1])
 """The end of the table at which each player shoots."""
@@ -49,12 +56,14 @@ class Recorder:
         possession: (2,) steps that ended with the puck on the near half, last touched by the player.
         fouls: (2,) how often the player's shot clock ran out.
         own_goals: (2,) goals against the player, last touched by the player itself.
+        served: (2, 2) goals of each player, by who had the first serve of the point.
     """
 
     def __init__(self, game: Game) -> None:
         n = game.num_tables
         self._game = game
         self._side = game.side
+        self._first = np.where(self._side < 0, LEFT, RIGHT)  # who had the first serve
         self._speed = game.velocities[:, PUCK, 0]  # along the table
         self._last = np.full(n, NOBODY, np.int8)  # the player that touched the puck last since the serve
         self._banked = np.zeros(n, np.bool_)  # a wall was touched after that
@@ -62,9 +71,14 @@ class Recorder:
         self._live["shooter"] = NOBODY
         self._start = np.zeros(n, STATE)  # start of the shot, if the last touch becomes one
         self._start_banked = np.zeros(n, np.bool_)
+        self._start_origin = np.zeros(n, np.int8)
+        self._start_held = np.zeros(n)
+        self._origin = np.full(n, SERVE, np.int8)  # how the side that the puck is on got it
+        self._held = np.zeros(n, np.int64)  # and steps since then
         self._over: list[NDArray[np.void]] = []
         self.steps = self.goals = 0
         self.zone, self.possession, self.fouls, self.own_goals = np.zeros((4, 2), np.int64)
+        self.served = np.zeros((2, 2), np.int64)
 
     @property
     def shots(self) -> NDArray[np.void]:
@@ -77,6 +91,7 @@ class Recorder:
         changed = running & (goal == 0) & (states["side"] != self._side)
         foul = changed & out.foul  # the puck was given to the other side
         crossed = changed & ~foul
+        self._held[running] += 1
         fresh = self._note_contacts(np.flatnonzero(running & (out.n_contacts > 0)), kept=~foul)
 
         live = self._live["shooter"]
@@ -104,6 +119,11 @@ class Recorder:
             self.possession[player] += (running & ~far & (self._last == player)).sum()
             self.fouls[player] += (foul & (self._side != FORWARD[player])).sum()
             self.own_goals[player] += ((goal == -FORWARD[player]) & (self._last == player)).sum()
+            self.served[player] += np.bincount(self._first[goal == FORWARD[player]], minlength=2)
+        self._origin[foul] = FOUL
+        own = self._last == np.where(states["side"] < 0, LEFT, RIGHT)
+        self._origin[crossed] = np.where(own, REBOUND, REPLY)[crossed]
+        self._held[changed] = 0
         self._last[foul] = NOBODY
         self._side[running] = states["side"][running]
         self._speed = states["velocity"][:, PUCK, 0].copy()
@@ -134,13 +154,21 @@ class Recorder:
         fresh &= kept
         self._start[fresh] = self._game.states[fresh]
         self._start_banked[fresh] = self._banked[fresh]
+        own = fresh & (self._side != FORWARD[self._last])  # beyond the centre line, the earlier touch counts
+        self._start_origin[own] = self._origin[own]
+        self._start_held[own] = self._held[own] / self._game.control_hz
         return fresh
 
     def _begin(self, mask: NDArray[np.bool_]) -> None:
         self._live["shooter"][mask] = self._last[mask]
         self._live["spec"][mask] = specs_in_play(self._game)[mask]
         self._live["start"][mask] = self._start[mask]
-        self._live["banked"][mask] = self._start_banked[mask]
+        for name, values in (
+            ("banked", self._start_banked),
+            ("origin", self._start_origin),
+            ("held", self._start_held),
+        ):
+            self._live[name][mask] = values[mask]
         self._live["touched"][mask] = self._live["scored"][mask] = False
 
     def _end(self, mask: NDArray[np.bool_]) -> None:
@@ -148,6 +176,26 @@ class Recorder:
         if len(over):
             self._over.append(over)
         self._live["shooter"][mask] = NOBODY
+
+
+class Watch:
+    """Observes every game of an evaluation with a `Recorder`. This is an observer for `play_points` and `play_task`.
+
+    Attributes:
+        games: each game, its recorder, and the seat of the evaluated player.
+    """
+
+    def __init__(self) -> None:
+        self.games: list[tuple[Game, Recorder, int]] = []
+
+    def __call__(self, game: Game, own: int) -> Callable[[NDArray[np.bool_]], None]:
+        recorder = Recorder(game)
+        self.games.append((game, recorder, own))
+        return recorder.note
+
+    def total(self, name: str) -> int:
+        """The sum of one of the recorders' counts for the evaluated player."""
+        return sum(int(getattr(recorder, name)[own]) for _, recorder, own in self.games)
 
 
 def is_bank(contacts: NDArray[np.void], forward: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -159,6 +207,11 @@ def is_bank(contacts: NDArray[np.void], forward: NDArray[np.int64]) -> NDArray[n
 def is_far_end(contacts: NDArray[np.void], forward: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Whether contacts of the puck are with the end wall at `forward`."""
     return (contacts["b"] < 0) & (contacts["nx"] == -forward)
+
+
+def speed_of(shots: NDArray[np.void]) -> NDArray[np.float64]:
+    """(n,) speed of the puck at the end of the step of the last touch, m/s."""
+    return np.linalg.norm(shots["start"]["velocity"][:, PUCK], axis=-1)
 
 
 @dataclasses.dataclass(frozen=True)

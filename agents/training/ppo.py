@@ -7,9 +7,10 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import torch
+import tyro
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecMonitor
@@ -18,18 +19,20 @@ from agents.conditions import Conditions
 from agents.features import RelativeFeatures
 from agents.files import COUNT, POSITIVE, SHARE, TEXT, or_none
 from agents.measuring.evaluation import OPPONENTS, Result, play_points
-from agents.models import export_policy
+from agents.models import export_policy, short_name
 from agents.options import Count, OptionalCount, check_ranges
 from agents.training.league import League
 from agents.training.learning import Falling
 from agents.training.recipe import History, Phase, Recipe, Setup, TrainArgs, conditions_of, with_conditions
 from agents.training.report import print_results
+from agents.training.start import START_HELP, take_over
 from agents.training.stopping import Stop
 from agents.video import frames_of_play
 from airhockey_env.checks import check_choice
 from airhockey_env.game import REWARDS
 from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.opponents.players import Player as Opponent
+from airhockey_env.opponents.players import resolve_player, resolve_players
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 
 Args = TypeVar("Args", bound="PpoArgs")
@@ -56,11 +59,12 @@ EVALUATION = {
 class PpoArgs(TrainArgs):
     """Train an agent with PPO, and write everything into one folder, runs/NAME/."""
 
+    start: Annotated[str | None, tyro.conf.arg(help=START_HELP)] = None
     opponent: tuple[str, ...] = ("striker",)
-    """Train against these named opponents, each on the same number of tables. Give a name twice to play it twice as
-    often."""
+    """Train against these opponents, each on the same number of tables: names, paths of policy.npz files, or paths of
+    runs' folders. Give one twice to play it twice as often."""
     eval_opponent: str = "striker"
-    """Evaluate against this named opponent."""
+    """Evaluate against this opponent: a name, the path of a policy.npz, or the path of a run's folder."""
     warmup_steps: OptionalCount = None
     """Begin with at most this many steps of shooting practice (the task "hit"). Without it, agents learn to defend and
     to wait, but not to shoot. The default is half of --steps, but at most 4 million."""
@@ -98,10 +102,9 @@ class PpoArgs(TrainArgs):
 
 def resolve(args: Args) -> Args:
     """Check the options and fill in the numbers of steps. See `Recipe.resolve`."""
-    check_choice("--eval-opponent", args.eval_opponent, OPPONENTS)
+    resolve_player("--eval-opponent", args.eval_opponent)
     check_choice("--reward", args.reward, REWARDS)
-    if not args.opponent or not set(args.opponent) <= set(OPPONENTS):
-        raise ValueError(f"--opponent must be one or more of {OPPONENTS}, got {args.opponent!r}")
+    resolve_players("--opponent", args.opponent)
     most = math.inf
     check_ranges(
         args, warmup_steps=(0, most), warmup_success=(0, 1), num_envs=(1, most), n_steps=(2, most),
@@ -116,15 +119,23 @@ def resolve(args: Args) -> Args:
 
 def build(args: PpoArgs, new: bool) -> Setup:
     """See `Recipe.build`."""
-    return setup(args, make_model(args, make_env(args)))
+    return setup(args, start_model(args, new))
 
 
-def setup(args: PpoArgs, model: PPO, league: League | None = None, practise: bool = True) -> Setup:
+def start_model(args: PpoArgs, new: bool) -> PPO:
+    """Make an untrained agent or, in a new run with --start, one with the network of another run."""
+    model = make_model(args, make_env(args))
+    if new and args.start is not None:
+        take_over(model, args.start)
+    return model
+
+
+def setup(args: PpoArgs, model: PPO, league: League | None = None) -> Setup:
     """Set up the training of a model that plays points, in a league or against the named opponents."""
     return Setup(
         model,
-        title=f"PPO, points against {args.eval_opponent}",
-        phases=partial(phases, args, model, league, practise),
+        title=f"PPO, points against {short_name(args.eval_opponent)}",
+        phases=partial(phases, args, model, league),
         evaluate=partial(evaluate, args, model),
         report=partial(report, args, model),
         frames=lambda folder: frames_of_play(
@@ -194,10 +205,13 @@ def model_arguments(args: PpoArgs) -> dict[str, Any]:
     }
 
 
-def phases(args: PpoArgs, model: PPO, league: League | None, practise: bool, history: History) -> Iterator[Phase]:
+def phases(args: PpoArgs, model: PPO, league: League | None, history: History) -> Iterator[Phase]:
     """Shooting practice, unless it is over or not wanted; then points."""
     assert args.steps is not None and args.warmup_steps is not None
-    whom = "against " + " and ".join(args.opponent) + ("" if league is None else " and its past selves")
+    practise = args.start is None
+    whom = (
+        "against " + " and ".join(map(short_name, args.opponent)) + ("" if league is None else " and its past selves")
+    )
     if practise and model.num_timesteps < args.steps < ENOUGH_STEPS:
         print(
             f"{args.steps:,} steps are few. With 2 million, an agent wins about half of the decided points against the "
@@ -241,6 +255,7 @@ def play(args: PpoArgs, model: PPO, opponent: str, points: int, purpose: str, st
         export_policy(model),
         opponent,
         points,
+        name=short_name(opponent),
         seed=args.seed,
         purpose=purpose,
         conditions=conditions_of(args),

@@ -6,14 +6,10 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
-from stable_baselines3 import PPO
-
 from agents.options import Count, check_ranges
-from agents.sb3_files import read_model
 from agents.training import ppo
 from agents.training.league import League
 from agents.training.recipe import Recipe, Setup
-from agents.training.runs import RunFolder
 
 STEPS = 30_000_000
 
@@ -22,10 +18,9 @@ STEPS = 30_000_000
 class SelfPlayArgs(ppo.PpoArgs):
     """Train an agent with PPO by self-play, and write everything into one folder, runs/NAME/."""
 
-    start: str | None = None
-    """Begin with the network of this run (its folder, or its name under runs/) instead of shooting practice."""
     opponent: tuple[str, ...] = ("striker", "goalie", "idle")
-    """Train against these named opponents, and against the agent itself and its past selves."""
+    """Train against these opponents, and against the agent itself and its past selves: names, paths of policy.npz
+    files, or paths of runs' folders."""
     learning_rate: float = 4e-4
     sde_sample_freq: Count = 0
     """Keep each random disturbance of the actions for this many steps (gSDE). With 0, the disturbances of each step are
@@ -35,7 +30,7 @@ class SelfPlayArgs(ppo.PpoArgs):
     latest_share: float = 0.3
     """Play this share of the episodes against the agent as it is now."""
     scripted_share: float = 0.25
-    """Play this share of the episodes against the named opponents, and the rest against past selves. In both groups,
+    """Play this share of the episodes against the given opponents, and the rest against past selves. In both groups,
     hard opponents are drawn more often."""
     snapshot_every: Count = 2_000_000
     """Add a copy of the agent to the league every this many steps."""
@@ -54,23 +49,7 @@ def resolve(args: SelfPlayArgs) -> SelfPlayArgs:
 
 def build(args: SelfPlayArgs, new: bool) -> Setup:
     """See `Recipe.build`."""
-    model = ppo.make_model(args, ppo.make_env(args))
-    if new and args.start is not None:
-        take_over(model, RunFolder.open(args.start, "--start"))
-    return ppo.setup(args, model, League(args), practise=args.start is None)
-
-
-def take_over(model: PPO, folder: RunFolder) -> None:
-    """Copy the network of another run into a new model, except for its exploration noise.
-
-    Raises:
-        ValueError: the networks differ in shape.
-    """
-    network = {**read_model(folder.model).params["policy"], "log_std": model.policy.log_std}
-    try:
-        model.policy.load_state_dict(network)
-    except RuntimeError as error:
-        raise ValueError(f"--start must name a run with the same --net-width, got {folder.path}: {error}") from error
+    return ppo.setup(args, ppo.start_model(args, new), League(args))
 
 
 RECIPE = Recipe("train_self_play", SelfPlayArgs, resolve, build, ppo.EVALUATION)

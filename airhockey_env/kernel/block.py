@@ -15,8 +15,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numba.core import config
 
-from airhockey_env.compiled import compiled, inlined
+from airhockey_env.compiled import compiled, inlined, records
 from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
 
 TABLES = 120
@@ -75,6 +76,20 @@ BLOCK = np.dtype(
     ],
     align=True,
 )
+
+
+if config.DISABLE_JIT:  # type: ignore[attr-defined]
+
+    def new_block():
+        """Room for the tables of a block."""
+        return records(1, BLOCK)[0]
+
+else:
+
+    @inlined
+    def new_block():  # type: ignore[misc]
+        """Room for the tables of a block."""
+        return np.empty(1, BLOCK)[0]
 
 
 @inlined

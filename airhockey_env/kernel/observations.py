@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from airhockey_env.compiled import inlined
-from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
+from airhockey_env.kernel.state import LEFT, PUCK, RIGHT, SHOT_CLOCK
+from airhockey_env.tables import TableSpec
 
 OWN_PADDLE = slice(0, 4)
 """Columns of an observation: x, y and velocity x, y of the player's own paddle,"""
@@ -15,6 +19,30 @@ PUCK_COLUMNS = slice(8, 12)
 """and of the puck;"""
 CLOCK_COLUMN = 12
 """and the shot clock."""
+
+COLUMNS = (
+    *(f"{disc}_{part}" for disc in ("own_paddle", "opponent_paddle", "puck") for part in ("x", "y", "vx", "vy")),
+    "shot_clock",
+)
+"""The names of the columns."""
+SCALES = (
+    *("half_length", "half_width", "paddle_speed", "paddle_speed") * 2,
+    *("half_length", "half_width", "puck_speed", "puck_speed"),
+    "shot_clock",
+)
+"""The names of what they are divided by; see `scales_of`."""
+
+
+def scales_of(spec: TableSpec) -> NDArray[np.float64]:
+    """What the columns of an observation are divided by on a table, (13,), in m, m/s and s."""
+    sizes = {
+        "half_length": 0.5 * spec.length,
+        "half_width": 0.5 * spec.width,
+        "paddle_speed": spec.paddle_speed,
+        "puck_speed": spec.puck_speed,
+        "shot_clock": SHOT_CLOCK,
+    }
+    return np.array([sizes[name] for name in SCALES])
 
 
 class View(NamedTuple):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from airhockey_env.compiled import compiled, inlined
 from airhockey_env.engine.advance import advance
 from airhockey_env.engine.kiss import kiss_time, reaches_edge
@@ -11,12 +9,12 @@ from airhockey_env.engine.motion import glide
 from airhockey_env.engine.records import Discs
 from airhockey_env.engine.tolerances import GAME_CONTACTS
 from airhockey_env.kernel.block import (
-    BLOCK,
     TABLES,
     load_discs,
     load_pair,
     load_params,
     load_shared_params,
+    new_block,
     params_at,
     store_discs,
 )
@@ -46,7 +44,7 @@ def step_rows(
         out: `Outputs`; written in place.
     """
     settings = game_settings[0]
-    block = np.empty(1, BLOCK)[0]
+    block = new_block()
     if parameters.shape[0] == 1:
         load_shared_params(block, min(TABLES, last - first), parameters[0])
     for at in range(first, last, TABLES):

@@ -183,6 +183,9 @@ class MlpPolicy:
         squash: whether the outputs go through tanh, as those of SAC and TD3 do; else they are clipped to [-1, 1].
         stack: how many observations it is shown at once, 1 to 64: as the argument `stack` of the environments.
 
+    Attributes:
+        discrete: whether it takes one of nine directions.
+
     Raises:
         ValueError: the layers do not fit together, or hold what is no finite number; or `stack` is out of range.
     """
@@ -195,9 +198,11 @@ class MlpPolicy:
         squash: bool = False,
         stack: int = 1,
     ) -> None:
-        self.stack = check_stack("stack", stack)
+        self.stack: int = check_stack("stack", stack)
         self._shape = observation_shape(self.stack)
-        self.activation = check_choice("activation", activation, ACTIVATIONS)
+        self.activation: str = check_choice("activation", activation, ACTIVATIONS)
+        self.weights: list[NDArray[np.float32]]
+        self.biases: list[NDArray[np.float32]]
         self.weights, self.biases = _layers("weights", weights), _layers("biases", biases)
         if len(self.weights) != len(self.biases):
             raise ValueError(
@@ -212,7 +217,8 @@ class MlpPolicy:
             size = weight.shape[0]
         if size not in (2, len(DIRECTIONS)):
             raise ValueError(f"the last layer must have 2 or {len(DIRECTIONS)} outputs, got {size}")
-        self.squash = bool(squash)
+        self.discrete: bool = size != 2
+        self.squash: bool = bool(squash)
         self._sizes = np.array([inputs, *(len(bias) for bias in self.biases)])
         layers = zip(self.weights, self.biases, strict=True)
         self._parameters = np.concatenate([part for weight, bias in layers for part in (weight.T.ravel(), bias)])
@@ -230,7 +236,7 @@ class MlpPolicy:
         out = np.empty((n, self._sizes[-1]), np.float32)
         rows = observations.reshape(n, self._sizes[0])
         _forward(rows, self._parameters, self._sizes, self.activation == "tanh", self.squash, out)
-        return np.clip(out, -1.0, 1.0) if out.shape[1] == 2 else DIRECTIONS[out.argmax(axis=1)]
+        return DIRECTIONS[out.argmax(axis=1)] if self.discrete else np.clip(out, -1.0, 1.0)
 
     def save(self, path: str | Path) -> None:
         """Write the weights to an .npz file; a file that is there already is replaced at once or not at all."""

@@ -77,12 +77,12 @@ class Pool:
         threads: Threads,
     ) -> None:
         self.name = name
-        self.by_caller = members is None
+        self.by_caller: bool = members is None
         self._seat = seat
         self._members = members or []
         self._states, self._drivers, self._interface, self._threads = states, drivers, interface, threads
         self._room = np.zeros((len(states), 2), np.float32)
-        self.last_actions = self._room
+        self.last_actions: NDArray[np.float32] = self._room
         self._groups: list[_Group] | None = None
         states["member"][:, seat] = np.arange(len(states)) % max(len(self._members), 1)
         self.refresh(None)
@@ -175,8 +175,8 @@ class Pool:
         else:
             self._drivers[self._seat][rows] = drivers[places[rows]]
         self._groups = None  # made where they are needed
-        self.asks = not self.by_caller and bool((self._drivers[self._seat] == EXTERNAL).any())
-        self.needs = Needs(self.observes, max(map(stack_of, self._members), default=1))
+        self.asks: bool = not self.by_caller and bool((self._drivers[self._seat] == EXTERNAL).any())
+        self.needs: Needs = Needs(self.observes, max(map(stack_of, self._members), default=1))
 
     @property
     def observes(self) -> bool:

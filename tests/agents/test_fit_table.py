@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from agents.conditions import read_table
 from agents.fitting.estimates import _within
 from agents.fitting.fit import BOUNDED, DRAG, FITTED, GIVEN, KEPT, TableFit, fit_table
 from agents.fitting.flights import drop_glitches, find_flights, measure_noise
@@ -19,7 +20,7 @@ from agents.fitting.report import remarks
 from agents.fitting.simulated import simulate_play, simulate_throws
 from agents.fitting.tracks import FEWEST_ROWS, MOST_ROWS, Track, read_track, write_track
 from agents.fitting.turns import turn
-from airhockey_env.tables import FIELDS, FULL_SIZE, PRESETS, TableSpec, resolve_table
+from airhockey_env.tables import FIELDS, FULL_SIZE, PRESETS, TableSpec
 from tests.helpers import Call
 
 WALLS = ("wall_restitution", "wall_tangential")
@@ -266,7 +267,7 @@ class TestCommand:
         written = ("--out", "table.json", "--json", "fit.json", "--plot", "fit.png")
         printed = call("fit_table", "track.csv", "--demo", "40", "--table", "challenge", *written)
         assert set(FIELDS) <= set(printed.split())
-        spec = resolve_table(json.loads((tmp_path / "table.json").read_text()))
+        spec = read_table(str(tmp_path / "table.json"))  # as --table of any command reads it
         assert spec.wall_restitution == pytest.approx(PRESETS["challenge"].wall_restitution, abs=5e-3)
         assert spec.drag_linear == pytest.approx(PRESETS["challenge"].drag_linear, abs=0.02)
         told = json.loads((tmp_path / "fit.json").read_text())

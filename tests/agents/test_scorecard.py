@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from agents.conditions import EXACT, Conditions
 from agents.measuring.evaluation import play_points
-from agents.measuring.scorecard import Defence, Share, measure, quartiles, speed_of
+from agents.measuring.scorecard import Defence, measure
 from agents.measuring.scorecard_report import draw_card
-from agents.measuring.shots import Recorder, play_on
+from agents.measuring.shares import Share, quartiles
+from agents.measuring.shots import Recorder, play_on, speed_of
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
 from airhockey_env.tables import FIELDS, FULL_SIZE, TABLES

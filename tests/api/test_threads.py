@@ -16,11 +16,12 @@ import numpy as np
 import pytest
 
 from airhockey_env import AirHockeyEnv, AirHockeyVectorEnv, AirTable
+from airhockey_env.game import ROWS_PER_THREAD
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from airhockey_env.threads import Threads
 from tests.helpers import random_actions, same
 
-LARGE = 2048  # tables: two threads share them
+LARGE = 2 * ROWS_PER_THREAD  # tables: two threads share them
 
 
 def ours() -> list[threading.Thread]:

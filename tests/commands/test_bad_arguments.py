@@ -34,6 +34,9 @@ evaluate idle --opponent-skill 1.1
 evaluate idle --opponent-skill nan
 evaluate idle --seed -1
 evaluate idle --episodes 2 --json none/result.json
+export
+export expert --onnx policy.npz
+export expert --onnx none/policy.onnx
 fit_study --tables 0
 fit_study --seconds 1
 fit_study --seed -1
@@ -151,6 +154,8 @@ train_ppo --seed -1
 train_ppo --threads 0
 train_ppo --name ../outside
 train_ppo --resume none
+train_ppo --start none
+train_ppo --start none/policy.npz
 train_self_play --start none
 train_self_play --table billiards
 train_self_play --randomize worlds
@@ -164,7 +169,7 @@ train_self_play --warmup-steps -1
 train_self_play --opponent
 """
 NAMELESS = {
-    **dict.fromkeys(("evaluate", "ladder", "record_video", "robustness", "scorecard"), "MODEL"),
+    **dict.fromkeys(("evaluate", "exploit", "export", "ladder", "record_video", "robustness", "scorecard"), "MODEL"),
     "curves": "RUN",
     "fit_table": "TRACK.csv",
 }

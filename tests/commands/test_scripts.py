@@ -72,7 +72,9 @@ CONDITIONS = {"--table", "--randomize", "--camera", "--action-delay-ms", *PRESET
 """What the help says of the conditions of play."""
 
 
-@pytest.mark.parametrize("script", ["evaluate", "ladder", "play", "record_video", "robustness", "scorecard"])
+@pytest.mark.parametrize(
+    "script", ["evaluate", "exploit", "export", "ladder", "play", "record_video", "robustness", "scorecard"]
+)
 def test_help_names_all_players(script: str, call: Call) -> None:
     words = [word.rstrip(".,:") for word in call(script, "--help").split()]
     assert {*OPPONENTS, "policy.npz", "model.zip", "--trust"} <= set(words)
@@ -165,6 +167,18 @@ class TestTrainPpo:
         assert all(told in printed for told in ("--steps", str(2 * UPDATE), str(UPDATE)))
         assert "--seed" in call("train_ppo", "--resume", "tiny", "--seed", "3", fails=True)
         assert before == contents(copied)
+
+    @pytest.mark.parametrize("command", ["train_ppo", "train_self_play"])
+    def test_runs_and_files_are_opponents(self, command: str, trained: Path, tmp_path: Path, call: Call) -> None:
+        copied = copy_of(trained, tmp_path)
+        members = ("striker", str(copied.relative_to(tmp_path)), str(copied / "policy.npz"))
+        arguments = ("--opponent", *members, "--eval-opponent", members[1], "--start", "tiny", "--video-seconds", "0.1")
+        assert LAST_LINE in call(command, "--name", "other", "--steps", str(UPDATE), *arguments, *TINY)
+        run = tmp_path / "runs" / "other"
+        assert json.loads((run / "config.json").read_text())["opponent"] == list(members)
+        history = json.loads((run / "evaluations.json").read_text())
+        assert [row["opponent"] for row in history["evaluations"]] == ["tiny"] * 2
+        assert history["practice"] is None and LAST_LINE in call(command, "--resume", "other")
 
     def test_a_run_is_not_overwritten(self, trained: Path, tmp_path: Path, call: Call) -> None:
         copied = copy_of(trained, tmp_path)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from airhockey_env import Game
 from tests.engine.scenes import random_scene
 
 PLAY = """
@@ -19,7 +20,7 @@ print(trace())
 
 
 def trace() -> str:
-    """All bits of some short random scenes, by every method."""
+    """All bits of some short random scenes, by every method, and of some short games."""
     bits = []
     rng = np.random.default_rng(5)
     for method in ("continuous", "kiss", "overlap"):
@@ -28,6 +29,12 @@ def trace() -> str:
             for _ in range(3):
                 contacts = table.step(0.05)
                 bits += [contacts.tobytes(), table.positions.tobytes(), table.velocities.tobytes()]
+    for tables in (1, 3):
+        game = Game(tables)
+        game.reset(seed=3)
+        for _ in range(40):
+            game.step(left=rng.uniform(-1.0, 1.0, (tables, 2)).astype(np.float32))
+            bits += [game.get_state().tobytes(), game.out.observation.tobytes()]
     return b"".join(bits).hex()
 
 

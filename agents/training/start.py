@@ -1,0 +1,76 @@
+"""Start a run with the network of another run, or with a trained policy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+from stable_baselines3 import PPO
+from torch import nn
+
+from agents.features import RelativeFeatures
+from agents.sb3_files import read_model
+from agents.training.runs import RunFolder
+from airhockey_env.opponents.policy import MlpPolicy
+from airhockey_env.opponents.trained import TRAINED, trained_policy
+
+START_HELP = (
+    "Begin with the network of this run (its folder, or its name under runs/), or with the policy of a policy.npz or "
+    f"of {' or '.join(TRAINED)}, instead of shooting practice."
+)
+
+
+def take_over(model: PPO, start: str) -> None:
+    """Copy a network into a new model, except for its exploration noise.
+
+    The network of a run includes its value network. A policy has none, so the model's own value network, which is
+    untrained, remains.
+
+    Args:
+        start: a run's folder or its name under runs/, the path of a policy.npz, or a name in `TRAINED`.
+
+    Raises:
+        FileNotFoundError: there is no such run or file.
+        ValueError: the networks differ in shape, or the file is damaged.
+    """
+    try:
+        if start in TRAINED or Path(start).suffix == ".npz":
+            _copy_policy(_read_policy(start), model)
+        else:
+            _copy_network(RunFolder.open(start, "--start"), model)
+    except RuntimeError as error:
+        raise ValueError(f"--start must have hidden layers of --net-width units, got {start!r}") from error
+
+
+def _read_policy(start: str) -> MlpPolicy:
+    try:
+        return trained_policy(start) if start in TRAINED else MlpPolicy.load(start)
+    except FileNotFoundError as error:
+        raise FileNotFoundError(f"--start must be a run, a trained player or its file; there is no {start}") from error
+
+
+def can_start(policy: MlpPolicy) -> bool:
+    """Whether training can start with a policy: it must have the layers that `train_ppo` gives its policies."""
+    widths = [len(bias) for bias in policy.biases]
+    return policy.activation == "relu" and not policy.squash and widths[2:] == [2] and widths[0] == widths[1]
+
+
+def _copy_network(folder: RunFolder, model: PPO) -> None:
+    network = {**read_model(folder.model).params["policy"], "log_std": model.policy.log_std}
+    model.policy.load_state_dict(network)
+
+
+def _copy_policy(policy: MlpPolicy, model: PPO) -> None:
+    """Copy the weights of a policy, in which the features are part of the first layer."""
+    features = model.policy.features_extractor
+    assert isinstance(features, RelativeFeatures)
+    modules = [*model.policy.mlp_extractor.policy_net, model.policy.action_net]
+    layers = [module for module in modules if isinstance(module, nn.Linear)]
+    if policy.activation != "relu" or policy.squash or len(policy.weights) != len(layers):
+        raise ValueError(
+            f"--start must be a policy with {len(layers) - 1} hidden layers of ReLU units and clipped outputs"
+        )
+    weights = [torch.as_tensor(weight) for weight in policy.weights]
+    weights[0] = weights[0] @ torch.linalg.pinv(features.matrix)  # the matrix has full rank, so this undoes it
+    for layer, weight, bias in zip(layers, weights, policy.biases, strict=True):
+        layer.load_state_dict({"weight": weight, "bias": torch.as_tensor(bias)})
