@@ -47,3 +47,9 @@ def pygame(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     yield module
     module.mixer.quit()
     module.display.quit()
+
+
+@pytest.fixture
+def small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Threads share batches of 1,000 tables or more, so that a test of theirs is quick."""
+    monkeypatch.setattr("airhockey_env.game.ROWS_PER_THREAD", 500)

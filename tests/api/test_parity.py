@@ -206,6 +206,7 @@ def fingerprints(n, threads, **arguments):
     ],
     ids=shown,
 )
+@pytest.mark.usefixtures("small_parts")
 def test_neither_batch_size_nor_threads_matter(arguments):
     sizes = [(n, threads) for n in (1, 7, 1500, 5000) for threads in ((1, 2, 3) if n > 1000 else (1, 3))]
     assert len(set().union(*(fingerprints(n, threads, **arguments) for n, threads in sizes))) == 4

@@ -183,6 +183,7 @@ def test_copies_go_on_the_same_and_by_themselves(make, copied, arguments):
 
 @pytest.mark.parametrize("copied", COPIES.values(), ids=COPIES)
 @pytest.mark.parametrize("num_envs", [3, 2100])
+@pytest.mark.usefixtures("small_parts")
 def test_copies_of_a_batch_with_a_policy_and_threads(copied, num_envs):
     envs = AirHockeyVectorEnv(num_envs, opponent=pursue, num_threads=2, max_episode_steps=3)
     envs.reset(seed=3)

@@ -104,6 +104,7 @@ def test_faces_agree():
         assert same((seen, earned, dones), (observations, rewards.astype(np.float32), terminated | truncated))
 
 
+@pytest.mark.usefixtures("small_parts")
 def test_neither_batch_size_nor_threads_nor_grouping_matter():
     """The pool in another order, the same policy in several places, tables in another arrangement."""
     n = 1500
