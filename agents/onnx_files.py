@@ -25,7 +25,7 @@ TOLERANCE = 1e-6
 """Greatest difference between the actions of a file and those of its policy, beyond the rounding of the latter."""
 
 _TABLES, _STEPS = 64, 128
-"""Of the game whose observations the check takes."""
+"""Tables and steps of the game whose observations the check takes."""
 
 
 def check_onnx(what: str) -> None:

@@ -16,7 +16,7 @@ from agents.options import check_resumed
 Args = TypeVar("Args")
 
 COLUMNS = 80
-"""Of the lines of an error."""
+"""Width of the lines of an error, characters."""
 
 
 def run_command(

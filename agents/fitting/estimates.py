@@ -23,7 +23,7 @@ from agents.fitting.glides import Glides
 Array = NDArray[np.float64]
 
 LEVEL = 0.95
-"""Of all intervals."""
+"""The confidence level of all intervals."""
 FEWEST = 3
 """Bounces that tell a share, and how much it scatters."""
 ROUNDING = 1e-9
@@ -123,7 +123,7 @@ def estimate(glides: Glides, bounces: Sequence[Bounce]) -> Estimates:
 
 
 def _covariance(glides: Glides, bounces: Sequence[Bounce], rows: Sequence[tuple[int, int]]) -> Array:
-    """Of the drag and of the values of the given bounces and kinds, (3 + rows, 3 + rows), to first order."""
+    """The covariance of the drag and of the given bounces' values, (3 + rows, 3 + rows), to first order."""
     from scipy.sparse import lil_array
 
     roots = {}

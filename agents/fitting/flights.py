@@ -15,7 +15,7 @@ from airhockey_env.compiled import compiled
 LEAST_NOISE = 5e-5
 """m. A track without any noise would leave no tolerance for its own rounding."""
 PRICE = 30.0
-"""Of a cut: the sum of squares, in units of the noise's variance, that it has to save."""
+"""The sum of squares that a cut has to save, in units of the noise's variance."""
 LONGEST_GAP = 0.1
 """s without a frame after which a new flight begins."""
 GLITCH = 8.0

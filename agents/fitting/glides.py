@@ -16,7 +16,7 @@ from airhockey_env.engine.motion import glide_coefficients
 Array = NDArray[np.float64]
 
 FEWEST_FRAMES = 6
-"""Of a flight: its path has four unknowns, and two are left to see whether it is one."""
+"""The fewest frames of a flight: its path has four unknowns, and two are left to see whether it is one."""
 SHORTEST_WAY = 20.0
 """Standard deviations of the noise that a puck must travel in a flight, to have a direction."""
 UNLIKELY = 1e-5
@@ -55,17 +55,17 @@ class Glides:
     drag: Array
     """(3,) a, c and b of the deceleration a + c*v + b*v**2; any of them may be negative."""
     starts: list[Array]
-    """Of each flight: x, y, vx, vy at its first frame, (4,)."""
+    """The start of each flight: x, y, vx, vy at its first frame, (4,)."""
     noise: float
     """Standard deviation of the residuals, m."""
     drag_covariance: Array
     """(3, 3)"""
     start_covariances: list[Array]
-    """Of each flight: that of its start where the drag is known, (4, 4)."""
+    """The covariance of each flight's start where the drag is known, (4, 4)."""
     pulls: list[Array]
-    """Of each flight: the change of its start with the drag, (4, 3)."""
+    """The change of each flight's start with the drag, (4, 3)."""
     residuals: list[Array]
-    """Of each flight: (2, n) m, seen minus fitted, along and across the path."""
+    """The residuals of each flight, (2, n) m: seen minus fitted, along and across the path."""
     dropped: int
     """Flights that were long enough but were not free glides, for example of a puck that a hand moved."""
 

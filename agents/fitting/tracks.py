@@ -15,7 +15,7 @@ from airhockey_env.files import replace
 
 COLUMNS = ("time", "x", "y")
 FEWEST_ROWS, MOST_ROWS = 20, 100_000
-"""Of a file. The most are a quarter of an hour at 120 Hz; the memory of a fit grows with the square of the bounces."""
+"""Limits of a file. The most is a quarter of an hour at 120 Hz: a fit's memory grows with the square of the bounces."""
 FARTHEST = 10.0
 """m from the origin. No table is as large, so numbers beyond it are in another unit."""
 

@@ -98,7 +98,7 @@ def derive(camera):
 
 @compiled
 def derive_rows(cameras):
-    """Likewise for `CAMERA` records (n,)."""
+    """Work out the same for `CAMERA` records (n,)."""
     for i in range(cameras.shape[0]):
         derive(cameras[i])
 
