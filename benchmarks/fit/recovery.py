@@ -11,7 +11,7 @@ import numpy as np
 from agents.fitting.fit import BOUNDED, FITTED, Field, fit_table
 from agents.fitting.simulated import simulate_play, simulate_throws
 from agents.fitting.tracks import Track
-from airhockey_env.cameras import ROBOT, Camera
+from airhockey_env.cameras import ROBOT, SLOW, Camera
 from airhockey_env.tables import FULL_SIZE, TableSpec
 from benchmarks.page import Rows
 
@@ -32,9 +32,6 @@ ABSENT = 1.0 / 3.0
 """Probability that a table does not have one of these kinds of drag. No preset has all three."""
 FITTED_FIELDS = tuple(name for name in RANGES if name != "puck_radius")
 """The puck's radius is given."""
-
-SLOW = dataclasses.replace(ROBOT, camera_hz=60, delay_ms=25, noise_mm=3.0)
-"""A camera with half of the frames and three times the noise."""
 
 
 class Part(NamedTuple):
