@@ -190,7 +190,11 @@ def _folded(
 def seen_space(model: Any) -> Any:
     """The space of what the agent sees. A student's observations (`agents.training.student`) hold more than that."""
     space = model.observation_space
-    return space["seen"] if isinstance(space, spaces.Dict) else space
+    if not isinstance(space, spaces.Dict):
+        return space
+    from agents.training.student_tables import SEEN
+
+    return space[SEEN]
 
 
 def load_player(model: str, option: str = "MODEL", *, trust: bool = False) -> Player:

@@ -62,10 +62,14 @@ class Result:
         """Share of wins in the decided points."""
         return self.wins / (self.wins + self.losses) if self.wins + self.losses else math.nan
 
+    @property
+    def decided_interval(self) -> tuple[float, float]:
+        """95 % Wilson interval of that share."""
+        return wilson_interval(self.wins, self.wins + self.losses)
+
     def as_dict(self) -> dict[str, Any]:
         """For a JSON file."""
         low, high = wilson_interval(self.wins, self.points)
-        decided_low, decided_high = wilson_interval(self.wins, self.wins + self.losses)
         return {
             "opponent": self.opponent,
             "points": self.points,
@@ -75,7 +79,7 @@ class Result:
             "win_rate": self.win_rate,
             "win_rate_95": [low, high],
             "decided_win_rate": self.decided,
-            "decided_win_rate_95": [decided_low, decided_high],
+            "decided_win_rate_95": list(self.decided_interval),
             "mean_seconds": self.seconds,
         }
 
@@ -108,7 +112,11 @@ class TaskResult:
         }
 
 
-def wilson_interval(successes: int, trials: int, z: float = 1.959963984540054) -> tuple[float, float]:
+Z_95 = 1.959963984540054
+"""Standard deviations of the normal distribution on each side of its mean between which 95 % of it lie."""
+
+
+def wilson_interval(successes: int, trials: int, z: float = Z_95) -> tuple[float, float]:
     """Wilson's score interval of a proportion (E. B. Wilson, JASA 22, 1927), 95 % by default; (0, 1) without trials."""
     if trials == 0:
         return 0.0, 1.0

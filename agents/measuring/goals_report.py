@@ -29,9 +29,7 @@ def print_goals(title: str, goals: Goals) -> None:
 
 def share_of(share: Share) -> str:
     """A count with its total, share and interval."""
-    low, high = share.interval
-    shown = f"{share.count} of {share.of}, {share.value:.1%} ({100 * low:.1f}-{100 * high:.1f})"
-    return shown if share.of else "none"
+    return f"{share.count} of {share.of}, {share}" if share.of else str(share)
 
 
 def quartiles_of(values: NDArray[np.float64], digits: int = 2) -> str:

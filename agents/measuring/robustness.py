@@ -13,7 +13,7 @@ from itertools import product
 from typing import Any
 
 from agents.conditions import EXACT, Conditions
-from agents.measuring.evaluation import Result, play_points, wilson_interval
+from agents.measuring.evaluation import Z_95, Result, play_points
 from agents.measuring.held_out import held_out_conditions
 from agents.models import Player
 from airhockey_env.cameras import CAMERAS, ROBOT
@@ -103,11 +103,6 @@ class Cell:
     conditions: Conditions
     result: Result
 
-    @property
-    def interval(self) -> tuple[float, float]:
-        """95 % Wilson interval of the share of the decided points."""
-        return wilson_interval(self.result.wins, self.result.wins + self.result.losses)
-
     def as_dict(self) -> dict[str, Any]:
         """For a JSON file."""
         names = {"part": self.part, "name": self.name, "player": self.player}
@@ -169,6 +164,6 @@ def together(cells: Sequence[Cell]) -> Together:
         share * (1.0 - share) / max(1, cell.result.wins + cell.result.losses)
         for share, cell in zip(shares, cells, strict=True)
     )
-    reach = 1.959963984540054 * math.sqrt(sum(variances)) / len(shares)
+    reach = Z_95 * math.sqrt(sum(variances)) / len(shares)
     worst = min(cells, key=lambda cell: math.inf if math.isnan(cell.result.decided) else cell.result.decided)
     return Together(cells[0].player, mean, (mean - reach, mean + reach), worst)

@@ -44,7 +44,7 @@ def _names(cells: Sequence[Cell]) -> list[Any]:
 
 
 def _share(cell: Cell) -> str:
-    low, high = cell.interval
+    low, high = cell.result.decided_interval
     share = cell.result.decided
     return "none" if math.isnan(share) else f"{100 * share:.0f} ({100 * low:.0f}-{100 * high:.0f})"
 
@@ -98,7 +98,7 @@ def _draw_list(axis: Any, cells: Sequence[Cell], players: Sequence[str], title: 
         own = [cell for cell in cells if cell.player == player]
         places = np.arange(len(own)) + 0.22 * (k - 0.5 * (len(players) - 1))
         shares = np.array([cell.result.decided for cell in own])
-        reach = np.abs(np.array([cell.interval for cell in own]).T - shares)
+        reach = np.abs(np.array([cell.result.decided_interval for cell in own]).T - shares)
         axis.errorbar(100 * shares, places, xerr=100 * reach, fmt="o", color=COLORS[k % len(COLORS)], markersize=4,
                       elinewidth=1.5, label=player)  # fmt: skip
     axis.hlines(np.arange(len(names)), 0, 100, color=PALE, linewidth=1, zorder=0)

@@ -22,7 +22,7 @@ def print_card(card: Card) -> None:
     opponent, result = card.result.opponent, card.result
     rows = [
         (
-            f"{where}, {kind}", str(len(row.speeds)), _share(row.on_target), _share(row.scored),
+            f"{where}, {kind}", str(len(row.speeds)), str(row.on_target), str(row.scored),
             quartiles_of(row.speeds, 1),
         )
         for where, kinds in (("play", card.shots), ("hit", card.hit_shots))
@@ -51,11 +51,6 @@ def print_card(card: Card) -> None:
     print_table("The rest", [("", ""), *rest])
     print_goals(f"Goals of {card.player}", card.goals)
     print_goals(f"Goals of {opponent}", card.conceded)
-
-
-def _share(share: Share) -> str:
-    low, high = share.interval
-    return f"{share.value:.1%} ({100 * low:.1f}-{100 * high:.1f})" if share.of else "none"
 
 
 def _class(low: float, high: float) -> str:

@@ -28,6 +28,11 @@ class Share:
         """95 % Wilson interval."""
         return wilson_interval(self.count, self.of)
 
+    def __str__(self) -> str:
+        """The share and its interval in %, or "none" if there is nothing to share."""
+        low, high = self.interval
+        return f"{self.value:.1%} ({100 * low:.1f}-{100 * high:.1f})" if self.of else "none"
+
     def as_dict(self) -> dict[str, Any]:
         """For a JSON file."""
         return {"count": self.count, "of": self.of, "share": self.value, "share_95": list(self.interval)}

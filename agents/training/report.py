@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from agents.measuring.evaluation import Result, TaskResult, wilson_interval
+from agents.measuring.evaluation import Result, TaskResult
+from agents.measuring.shares import Share
 from agents.plots import BLUE, GREY, RED, from_zero, new_figure, plain, save_figure, steps_unit, with_interval
 from agents.tables import print_table
 
@@ -20,8 +21,8 @@ def print_results(results: Sequence[Result]) -> None:
         (
             result.opponent,
             *(str(number) for number in (result.wins, result.losses, result.draws)),
-            _share(result.wins, result.points),
-            _share(result.wins, result.wins + result.losses),
+            str(Share(result.wins, result.points)),
+            str(Share(result.wins, result.wins + result.losses)),
             f"{result.seconds:.1f}",
         )
         for result in results
@@ -33,7 +34,7 @@ def print_task_result(result: TaskResult) -> None:
     """Print successes, failures and the success rate with its 95 % Wilson interval."""
     heads = ("task", "successes", "failures", "by time", "success rate (95 %)", "s/episode")
     counts = (str(number) for number in (result.successes, result.failures, result.timeouts))
-    row = (result.task, *counts, _share(result.successes, result.episodes), f"{result.seconds:.1f}")
+    row = (result.task, *counts, str(Share(result.successes, result.episodes)), f"{result.seconds:.1f}")
     print_table(f"{result.episodes} episodes", [heads, row])
 
 
@@ -49,11 +50,6 @@ def print_successes(title: str, agents: Mapping[str, Mapping[str, Any]]) -> None
         rate = f"{row['success_rate']:.1%} ({100 * low:.1f}-{100 * high:.1f})"
         rows.append((name, str(row["episodes"]), rate, f"{row['mean_seconds']:.2f}"))
     print_table(title, rows)
-
-
-def _share(wins: int, points: int) -> str:
-    low, high = wilson_interval(wins, points)
-    return f"{wins / points:.1%} ({100 * low:.1f}-{100 * high:.1f})" if points else "none"
 
 
 def draw_training(history: dict[str, Any], title: str, path: Path) -> None:

@@ -45,6 +45,18 @@ def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "runs" / "tiny"
 
 
+def assert_it_sees(env: VecEnv, game: Game, given: list[np.ndarray]) -> None:
+    """Assert that the model that plays on the left is `given` what `env`, with its actions, shows."""
+    expected, ended = env.reset(), 0
+    for _ in range(90):
+        game.step()
+        assert given[-1].dtype == expected.dtype
+        np.testing.assert_array_equal(given[-1], expected)
+        expected, _, dones, _ = env.step(game.pools[LEFT].last_actions)
+        ended += int(dones.sum())
+    assert ended > 3
+
+
 @pytest.mark.parametrize(("obs_type", "frames"), [("rgb", 3), ("grayscale", 2), ("grayscale", 1), ("state", 4)])
 @pytest.mark.parametrize("first", [True, False])
 def test_a_model_sees_what_its_training_shows(obs_type: str, frames: int, first: bool) -> None:
@@ -67,14 +79,7 @@ def test_a_model_sees_what_its_training_shows(obs_type: str, frames: int, first:
     )
     policy.join(game)
     game.reset(seed=5)
-    expected, ended = env.reset(), 0
-    for _ in range(90):
-        game.step()
-        assert given[-1].dtype == expected.dtype
-        np.testing.assert_array_equal(given[-1], expected)
-        expected, _, dones, _ = env.step(game.pools[LEFT].last_actions)
-        ended += int(dones.sum())
-    assert ended > 3
+    assert_it_sees(env, game, given)
 
 
 @pytest.mark.parametrize(("obs_type", "stack"), [("grayscale", 3), ("state", 4)])
@@ -97,14 +102,7 @@ def test_a_model_sees_the_stacks_of_its_training(obs_type: str, stack: int) -> N
     )  # fmt: skip
     policy.join(game)
     game.reset(seed=5)
-    expected, ended = env.reset(), 0
-    for _ in range(90):
-        game.step()
-        assert given[-1].dtype == expected.dtype
-        np.testing.assert_array_equal(given[-1], expected)
-        expected, _, dones, _ = env.step(game.pools[LEFT].last_actions)
-        ended += int(dones.sum())
-    assert ended > 3
+    assert_it_sees(env, game, given)
 
 
 @pytest.mark.parametrize(("obs_type", "algo"), [("grayscale", "ppo"), ("state", "sac"), ("state", "ppo")])
