@@ -79,7 +79,7 @@ class Part:
     def could_be(
         self, saved: Mapping[str, NDArray[Any]], states: NDArray[np.void], parameters: NDArray[np.void]
     ) -> bool:
-        """Whether it could be in saved states, (n, ...) by the names of `kept`: compiled code counts on it.
+        """Tell whether it could be in saved states, (n, ...) by the names of `kept`: compiled code counts on it.
 
         Args:
             saved: by these names.

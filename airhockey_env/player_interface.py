@@ -53,7 +53,7 @@ class PlayerInterface:
         return 1 if self.history is None else self.history.rows.shape[1]
 
     def looks_on(self, stack: int) -> bool:
-        """Whether it follows what there is to see, whoever plays, for players with stacks up to this one."""
+        """Tell whether it follows what there is to see, whoever plays, for players with stacks up to this one."""
         return self.camera is not None or max(stack, self.stack, self.rows) > 1
 
     def remember(self, stack: int) -> None:
