@@ -170,13 +170,14 @@ static inline Vector striker(const View *seen, const Parameters *params, double 
     return towards(seen, params, behind_x, behind_y);
 }
 
-static inline Vector opponent(const State *state, const Parameters *params)
+/* The striker on the right, which uses the share `skill` of its paddle's speed. */
+static inline Vector opponent(const State *state, const Parameters *params, double skill)
 {
     const Vector *p = state->position;
     Vector v = state->velocity[PUCK];
     View seen = {{-p[RIGHT].x, -p[RIGHT].y}, {-p[LEFT].x, -p[LEFT].y}, {-p[PUCK].x, -p[PUCK].y}, {-v.x, -v.y}};
     Vector action = striker(&seen, params, state->plan);
-    double share = 1.0 / greatest(sqrt(action.x * action.x + action.y * action.y), 1.0);
+    double share = skill / greatest(sqrt(action.x * action.x + action.y * action.y), 1.0);
     return (Vector){action.x * share, action.y * share};
 }
 
@@ -498,7 +499,7 @@ void step_rows(int64_t first, int64_t last, State *restrict states, const Parame
             out.began[i] = true;
         } else {
             Vector action = {actions[2 * i], actions[2 * i + 1]};
-            Vector answer = opponent(state, &params);
+            Vector answer = opponent(state, &params, 1.0);
             drive(state, &params, LEFT, action);
             drive(state, &params, RIGHT, answer);
             int point = play_tick(state, &params, out.contacts + i * CONTACT_ROWS, out.n_contacts + i);
