@@ -20,6 +20,7 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
 import airhockey_env  # noqa: E402
+from docs.play.page import write_page  # noqa: E402
 
 with open(ROOT / "pyproject.toml", "rb") as file:
     REPOSITORY = tomllib.load(file)["project"]["urls"]["Repository"]
@@ -125,8 +126,15 @@ def find_undocumented(app: Sphinx, env: Any) -> None:
             logging.getLogger(__name__).warning("airhockey_env.%s is public, but docs/api.md does not have it", name)
 
 
+def write_play(app: Sphinx, error: Exception | None) -> None:
+    """Add the page on which one can play."""
+    if error is None and app.builder.format == "html":
+        write_page(Path(app.outdir) / "play")
+
+
 def setup(app: Sphinx) -> None:
     """Connect the above."""
     app.connect("source-read", link_to_the_repository)
     app.connect("autodoc-process-docstring", as_rst, priority=100)  # before napoleon
     app.connect("env-check-consistency", find_undocumented)
+    app.connect("build-finished", write_play)

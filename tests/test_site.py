@@ -76,3 +76,5 @@ def test_it_builds_without_a_warning(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     for page in PAGES:
         assert (tmp_path / "site" / f"{page.stem}.html").exists()
+    front = (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
+    assert 'href="play/index.html"' in front and (tmp_path / "site" / "play" / "index.html").exists()

@@ -21,7 +21,7 @@ from airhockey_env.drawing.palette import COLORS
 from airhockey_env.engine.records import CONTACT
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import STATE
-from airhockey_env.live.match import CONTROL_HZ, POLICY_HZ
+from airhockey_env.live import match, pointer, recording
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.opponents.trained import trained_policy
 from airhockey_env.replay.dynamics import arguments_of, fingerprint
@@ -38,12 +38,21 @@ TRAINED = ("expert", "adept")
 POINTS = 7
 """That win the match."""
 
+KINDS = {"policy": None, "striker": "striker"}
+"""Who plays on the right in a replay, by kinds of opponents: None where the file holds the actions."""
+LIVE = {
+    match: ("most_behind", "trust", "start_pause", "point_pause", "foul_pause"),
+    pointer: ("grasp", "memory"),
+    recording: ("most_seconds",),
+}
+"""Constants of live matches, in lower case, which apply here too."""
+
 CHANGES = (
     (r'"/static/(?:css/)?', '"'),
     (
         r"<nav.*?</nav>",
-        '<nav aria-label="Pages"><a href="../index.html">airhockey-env</a>'
-        '<a href="../web.html#without-a-server">How it works</a></nav>',
+        '<nav aria-label="Pages"><a href="../index.html">Documentation</a>'
+        '<a href="../web.html#without-a-server">How this works</a></nav>',
     ),
     ("<title>Play air hockey</title>", "<title>Play the expert now: air hockey in the browser</title>"),
     (r'(<select id="opponent">)', rf"\1<option>{TRAINED[0]}</option>"),
@@ -117,8 +126,9 @@ def weights(policy: MlpPolicy) -> NDArray[np.float32]:
 def facts(policies: Mapping[str, MlpPolicy]) -> dict[str, Any]:
     """What the page's modules need to know of the package."""
     return {
-        "control_hz": CONTROL_HZ,
-        "hold": round(CONTROL_HZ / POLICY_HZ),
+        "control_hz": match.CONTROL_HZ,
+        "hold": round(match.CONTROL_HZ / match.POLICY_HZ),
+        "live": {name: getattr(module, name.upper()) for module, names in LIVE.items() for name in names},
         "palette": COLORS._asdict(),
         "policies": {name: network(policy) for name, policy in policies.items()},
         "tables": {name: table(spec) for name, spec in PRESETS.items()},
@@ -135,7 +145,10 @@ def network(policy: MlpPolicy) -> dict[str, Any]:
 
 def table(spec: TableSpec) -> dict[str, Any]:
     """A table's dimensions, parameters for the game in C, and what a replay says of matches on it."""
-    games = {kind: Game(1, right=right, table=spec, points=POINTS, control_hz=CONTROL_HZ) for kind, right in KINDS}
+    games = {
+        kind: Game(1, right=right, table=spec, points=POINTS, control_hz=match.CONTROL_HZ)
+        for kind, right in KINDS.items()
+    }
     parameters = games["policy"].parameters
     part = np.zeros(1, C_PARAMETERS)
     for name in C_PARAMETERS.names or ():
@@ -149,10 +162,6 @@ def table(spec: TableSpec) -> dict[str, Any]:
         "parameters": list(part.tobytes()),
         "replays": {kind: replay_notes(game) for kind, game in games.items()},
     }
-
-
-KINDS = (("policy", None), ("striker", "striker"))
-"""Kinds of opponents, and who plays on the right in a replay: None where the file holds the actions."""
 
 
 def replay_notes(game: Game) -> str:

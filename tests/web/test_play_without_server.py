@@ -21,7 +21,9 @@ from gymnasium.vector import AutoresetMode
 
 from airhockey_env.game import Game
 from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
+from airhockey_env.live import LiveMatch
 from airhockey_env.live.match import CONTROL_HZ, POLICY_HZ
+from airhockey_env.live.pointer import Pointer
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.opponents.trained import trained_policy
 from airhockey_env.replay import Replay, play_back
@@ -29,7 +31,7 @@ from airhockey_env.reset_options import ResetOptions
 from airhockey_env.tables import PRESETS
 from benchmarks.web.browser import Browser
 from docs.play import build
-from docs.play.page import POINTS, TRAINED, write_page
+from docs.play.page import POINTS, TRAINED, facts, write_page
 from tests.web.test_pages import SIZES, paddle_at, pixel_of
 
 STEPS = 6000
@@ -154,9 +156,8 @@ def digest_of(played: Played, browser: Browser, opponent: str, table: str, skill
     return str(browser.driver.execute_async_script(PLAY, *arguments))
 
 
-@pytest.mark.parametrize("table", list(PRESETS))
+@pytest.mark.parametrize(("table", "skill"), list(zip(PRESETS, (1.0, 0.6, 0.9), strict=True)))
 @pytest.mark.parametrize("opponent", [*TRAINED, "striker"])
-@pytest.mark.parametrize("skill", [1.0, 0.6])
 def test_it_plays_the_same_game_to_the_bit(
     opponent: str, table: str, skill: float, any_site: str, browser: Browser
 ) -> None:
@@ -178,7 +179,7 @@ def test_fouls_and_policies_of_other_forms_are_the_same(opponent: str, any_site:
 def begin(browser: Browser, site: str) -> None:
     """Load the page and start a match against the player that is chosen."""
     browser.open(site)
-    browser.wait(lambda: browser.driver.find_elements("id", "begin"), "nothing to begin with")
+    browser.wait(lambda: browser.run("return document.querySelector('#begin:enabled') !== null"), "no game")
     browser.click("begin")
     browser.wait(lambda: not browser.element("banner").is_displayed(), "no play")
 
@@ -228,6 +229,38 @@ def test_keys_move_the_paddle_and_pause(site: str, browser: Browser) -> None:
     browser.wait(lambda: browser.text("title") == "Paused", "no pause")
     browser.click("resume")
     browser.wait(lambda: not browser.element("banner").is_displayed(), "no play")
+
+
+FOLLOW = """
+const [table, live, cases, done] = arguments;
+Promise.all([import("/js/hand.js"), import("/js/pointer.js")]).then(([{ Hand }, { Pointer }]) => {
+  const [hand, pointer] = [new Hand(table, 0.005), new Pointer(live)];
+  done(cases.map(([time, pointed, place, velocity]) => {
+    pointer.move(time, pointed);
+    const when = time - 0.004;
+    return hand.follow(place, velocity, hand.reachable(pointer.place(when)), pointer.velocity(when));
+  }));
+});
+"""
+
+
+def test_the_paddle_follows_the_pointer_as_in_python(site: str, browser: Browser) -> None:
+    rng = np.random.default_rng(0)
+    match = LiveMatch("idle")
+    pointer, hand = Pointer(), match.hand
+    cases, expected, pointed = [], [], np.zeros(2)
+    for k in range(200):
+        pointed = pointed + rng.normal(0.0, 0.03, 2) if k % 20 else rng.uniform(-1.0, 0.0, 2)
+        now, place, velocity = 0.016 * k, rng.uniform(-0.5, 0.0, 2), rng.normal(0.0, 1.0, 2)
+        pointer.move(now, (float(pointed[0]), float(pointed[1])))
+        target = hand.reachable(pointer.place(now - 0.004))
+        expected.append(hand.follow(place, velocity, target, pointer.velocity(now - 0.004)))
+        cases.append([now, pointed.tolist(), place.tolist(), velocity.tolist()])
+    known = facts({})
+    browser.open(site)
+    actions = browser.driver.execute_async_script(FOLLOW, known["tables"]["full_size"], known["live"], cases)
+    assert np.abs(expected).max() > 0.9
+    np.testing.assert_allclose(actions, expected, rtol=0.0, atol=1e-9)
 
 
 def test_a_page_that_cannot_load_its_game_says_so(tmp_path: Path, browser: Browser) -> None:

@@ -4,13 +4,9 @@ import { Hand } from "./hand.js";
 import { Pointer } from "./pointer.js";
 import { Recording } from "./recording.js";
 
-const MOST_BEHIND = 0.1; // s that the game may have to catch up at once
-const TRUST = 0.6; // share of the pointer's velocity that the paddle counts on
-const START_PAUSE = 1;
-const PAUSE = 0.8; // s, after a point and after a foul
-
 export class Match {
   #game;
+  #live; // constants: see airhockey_env/live
   #choice;
   #table;
   #tick;
@@ -30,6 +26,7 @@ export class Match {
    */
   constructor(game, choice, now) {
     this.#game = game;
+    this.#live = game.facts.live;
     this.#choice = choice;
     this.#table = game.facts.tables[choice.table];
     this.#tick = 1 / game.facts.control_hz;
@@ -42,11 +39,11 @@ export class Match {
     const [stream] = crypto.getRandomValues(new BigUint64Array(1));
     this.#game.start({ ...this.#choice, stream });
     this.#recording = new Recording(this.#game, this.#table.replays, this.#choice.opponent);
-    this.#pointer = new Pointer();
+    this.#pointer = new Pointer(this.#live);
     this.#played = now;
     this.#before = this.#now = this.#game.look();
     this.#shown = this.#now;
-    this.#rest(now + START_PAUSE, "start");
+    this.#rest(now + this.#live.start_pause, "start");
   }
 
   /** Rest until `resume` is called. A match that is over stays so. */
@@ -59,7 +56,7 @@ export class Match {
   /** Go on after `pause`, when a short rest is over. */
   resume(now) {
     if (this.notice === "paused") {
-      this.#rest(now + START_PAUSE, "paused");
+      this.#rest(now + this.#live.start_pause, "paused");
     }
   }
 
@@ -78,7 +75,7 @@ export class Match {
       this.#before = this.#now;
       this.notice = "";
     }
-    this.#played = Math.max(this.#played, now - MOST_BEHIND);
+    this.#played = Math.max(this.#played, now - this.#live.most_behind);
     const events = [];
     while (!this.notice && now - this.#played >= this.#tick) {
       this.#played += this.#tick;
@@ -117,7 +114,9 @@ export class Match {
     const there = this.#pointer.place(this.#played);
     const target = this.#hand.reachable(there);
     // A pointer that is out of reach moves the paddle along the edge of its half only.
-    const velocity = this.#pointer.velocity(this.#played).map((v, axis) => (there[axis] === target[axis] ? TRUST * v : 0));
+    const velocity = this.#pointer
+      .velocity(this.#played)
+      .map((v, axis) => (there[axis] === target[axis] ? this.#live.trust * v : 0));
     return this.#hand.follow(this.#now.positions[0], this.#now.velocities[0], target, velocity);
   }
 
@@ -129,7 +128,7 @@ export class Match {
     const puck = [Math.min(Math.max(x, -line), line), y];
     this.#shown = { ...this.#shown, positions: [positions[0], positions[1], puck], score: this.#now.score };
     events.push([notice, 1, puck[0]]);
-    this.#rest(this.#played + PAUSE, notice);
+    this.#rest(this.#played + this.#live[notice === "foul" ? "foul_pause" : "point_pause"], notice);
   }
 
   #rest(until, notice) {

@@ -1,8 +1,5 @@
 /** Where a person points, between the moments at which it is reported: airhockey_env/live/pointer.py in JavaScript. */
 
-const GRASP = 0.016; // s over which the pointer's velocity is measured, twice
-const MEMORY = 0.2; // s for which a path is kept
-
 /** What is left of a velocity along one axis: one that gets slower is taken to go on doing so. */
 function kept(latest, earlier) {
   if (latest * earlier <= 0) {
@@ -18,6 +15,12 @@ function kept(latest, earlier) {
 export class Pointer {
   #path = []; // [s, [m, m]]
 
+  /** @param {{grasp: number, memory: number}} live - constants of game.json, s. */
+  constructor({ grasp, memory }) {
+    this.grasp = grasp;
+    this.memory = memory;
+  }
+
   /** Whether it has been anywhere. */
   get known() {
     return this.#path.length > 0;
@@ -26,7 +29,7 @@ export class Pointer {
   /** Note where the pointer is now. */
   move(now, place) {
     this.#path.push([now, place]);
-    while (this.#path.length > 2 && this.#path[1][0] < now - MEMORY) {
+    while (this.#path.length > 2 && this.#path[1][0] < now - this.memory) {
       this.#path.shift();
     }
   }
@@ -46,7 +49,7 @@ export class Pointer {
 
   /** The velocity that it will keep as far as one can tell: that of the last two moments. */
   velocity(time) {
-    const [now, before, earlier] = [0, 1, 2].map((k) => this.place(time - k * GRASP));
-    return now.map((place, axis) => kept((place - before[axis]) / GRASP, (before[axis] - earlier[axis]) / GRASP));
+    const [now, before, earlier] = [0, 1, 2].map((k) => this.place(time - k * this.grasp));
+    return now.map((p, axis) => kept((p - before[axis]) / this.grasp, (before[axis] - earlier[axis]) / this.grasp));
   }
 }

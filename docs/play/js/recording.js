@@ -1,8 +1,6 @@
 /** What was played in a match, and the replay file of it, which airhockey_env/replay reads. */
 import { npz, textArray } from "./npz.js";
 
-const MOST_SECONDS = 1800; // that are kept
-
 export class Recording {
   #game;
   #notes;
@@ -26,7 +24,7 @@ export class Recording {
 
   /** Note the actions of the step that was just played. */
   add(left, right) {
-    const limit = 2 * MOST_SECONDS * this.#game.facts.control_hz;
+    const limit = 2 * this.#game.facts.live.most_seconds * this.#game.facts.control_hz;
     if (this.#left.length < limit) {
       this.#left.push(...left);
       if (this.#recordsRight) {

@@ -1,0 +1,1 @@
+"""The documentation, and how its site is built (conf.py)."""

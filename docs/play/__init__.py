@@ -1,0 +1,1 @@
+"""The page on which one plays without a server; docs/web.md describes it."""
