@@ -35,14 +35,14 @@ from docs.play.page import POINTS, TRAINED, facts, write_page
 from tests.web.test_pages import SIZES, paddle_at, pixel_of
 
 STEPS = 6000
-LAYERS = (13, 21, 5, 2)
+LAYERS = (13, 192, 21, 2)
 
 
 def other_policy() -> MlpPolicy:
     """A policy with other layers and functions than those of the trained ones."""
     rng = np.random.default_rng(0)
     shapes = list(itertools.pairwise(LAYERS))
-    weights = [rng.normal(0.0, 1.0, (n_out, n_in)).astype(np.float32) for n_in, n_out in shapes]
+    weights = [rng.normal(0.0, 0.3, (n_out, n_in)).astype(np.float32) for n_in, n_out in shapes]
     biases = [rng.normal(0.0, 1.0, n_out).astype(np.float32) for _, n_out in shapes]
     return MlpPolicy(weights, biases, activation="tanh", squash=True)
 
@@ -229,6 +229,33 @@ def test_keys_move_the_paddle_and_pause(site: str, browser: Browser) -> None:
     browser.wait(lambda: browser.text("title") == "Paused", "no pause")
     browser.click("resume")
     browser.wait(lambda: not browser.element("banner").is_displayed(), "no play")
+
+
+WHOLE_MATCH = """
+const [opponent, done] = arguments;
+(async () => {
+  const [{ Game }, { Match }] = await Promise.all([import("/js/game.js"), import("/js/match.js")]);
+  const match = new Match(await Game.load(), { opponent, table: "full_size", points: 7, skill: 1 }, 0);
+  const notices = new Set();
+  for (let now = 0; now < 900 && !["won", "lost"].includes(match.notice); now += 1 / 60) {
+    match.advance(now, [-0.9 + 0.25 * Math.sin(3 * now), 0.35 * Math.cos(2.2 * now)]);
+    notices.add(match.notice);
+  }
+  return [[...notices], match.advance(1000, null).score, [...match.replay()]];
+})().then(done, (error) => done(String(error)));
+"""
+"""Plays a match faster than life: what it rested for, the score, and the bytes of its replay."""
+
+
+@pytest.mark.parametrize("opponent", ["expert", "striker"])
+def test_a_whole_match_plays_back_in_python(opponent: str, site: str, browser: Browser, tmp_path: Path) -> None:
+    browser.open(site)
+    notices, score, content = browser.driver.execute_async_script(WHOLE_MATCH, opponent)
+    assert {"start", "", "conceded"} <= set(notices) and {"won", "lost"} & set(notices)
+    assert max(score) == POINTS > min(score)
+    (tmp_path / "match.npz").write_bytes(bytes(content))
+    *_, last = play_back(tmp_path / "match.npz")
+    assert last["score"][0].tolist() == score and last["done"][0]
 
 
 FOLLOW = """
