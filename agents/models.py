@@ -155,9 +155,9 @@ def export_policy(model: Any) -> MlpPolicy:
         layers = [*getattr(actor, "latent_pi", ()), *(actor.mu if isinstance(actor.mu, nn.Sequential) else [actor.mu])]
         features = actor.features_extractor
     linear = [layer for layer in layers if isinstance(layer, nn.Linear)]
-    weights = [layer.weight.detach().numpy() for layer in linear]
-    biases = [layer.bias.detach().numpy() for layer in linear]
-    matrix = features.matrix.numpy() if isinstance(features, RelativeFeatures) else None
+    weights = [layer.weight.detach().cpu().numpy() for layer in linear]
+    biases = [layer.bias.detach().cpu().numpy() for layer in linear]
+    matrix = features.matrix.cpu().numpy() if isinstance(features, RelativeFeatures) else None
     activation = "relu" if any(isinstance(layer, nn.ReLU) for layer in layers) else "tanh"
     clip = layers[-1].max_val if isinstance(layers[-1], nn.Hardtanh) else None
     stack = stack_of_shape(seen_space(model).shape)

@@ -170,6 +170,23 @@ def check_resumed(given: Any, kept: Any) -> None:
         raise ValueError(f"--resume goes on with the run's own arguments and --steps alone, got {options}")
 
 
+def check_device(name: str) -> None:
+    """Check that PyTorch can train on a device of this name.
+
+    Raises:
+        ValueError: it cannot.
+    """
+    import torch
+
+    try:
+        torch.zeros(1, device=name)
+    except (RuntimeError, AssertionError, NotImplementedError) as error:  # depends on how PyTorch was built
+        reason = str(error).splitlines()[0]
+        raise ValueError(
+            f'--device must be "cpu", or another device that PyTorch can use, got {name!r}: {reason}'
+        ) from None
+
+
 def check_output(name: str, path: Path | None, suffix: str = "") -> None:
     """Check the path (None passes) of a file that a command will write, before it starts its work.
 

@@ -110,6 +110,7 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
         )
         self._set_up(game, render_mode, render_size, ("actions", "opponent"))
         self._actions: np.ndarray | None = None
+        self._empty: list[dict[str, Any]] = [{} for _ in range(num_envs)]  # infos of steps that end no episode
         space = observation_space(game.obs_type, game.interfaces[LEFT].stack)
         self._adds_channels = game.obs_type == "grayscale" and game.interfaces[LEFT].stack == 1
         if self._adds_channels:
@@ -233,7 +234,9 @@ class AirHockeySB3VecEnv(BatchEnv, VecEnv):
         actions, self._actions = self._actions, None
         self._game.play(actions)
         dones = out.terminated | out.truncated
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        # Thousands of new dicts in every step would take longer than the step, most of it in the garbage collector.
+        self._empty = [info if not info else {} for info in self._empty]
+        infos = self._empty.copy()
         rows = np.flatnonzero(dones)
         drawn = self._game.randomized_values(final=True)
         finals: Any = ()

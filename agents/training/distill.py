@@ -23,6 +23,8 @@ from agents.training.recipe import History, Phase, Recipe, Setup, conditions_of
 from agents.training.runs import RunFolder
 from agents.training.student import Imitation, Student, StudentFeatures, StudentPolicy
 from agents.training.student_tables import StudentTables
+from airhockey_env.cameras import CAMERAS
+from airhockey_env.checks import check_choice
 from airhockey_env.opponents.policy import MlpPolicy
 
 STEPS = 20_000_000
@@ -35,6 +37,9 @@ _SIGHT = ("camera", "action_delay_ms")
 SHARES: dict[tuple[str, ...], float] = {(): 0.3, ("randomize",): 0.35, _SIGHT: 0.1, (*_SIGHT, "randomize"): 0.25}
 """Shares of the tables by the conditions that are left out on them. Without tables that are always the same, and others
 with exact states, the student would play worse where nothing has to be guessed."""
+
+MORE_SHARE = 0.1
+"""The share of the tables of each further camera."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +56,8 @@ class DistillArgs(ppo.PpoArgs):
     --steps."""
     imitation_rate: float = 1e-3
     """Use this learning rate while imitating. It falls linearly to a fiftieth."""
+    more_cameras: tuple[str, ...] = ()
+    """Also give each of these cameras a tenth of the tables, without drawn fields: names as for --camera."""
     num_envs: Count = 1024
     """Play on this many tables at once. With --camera or --randomize, some of them are under easier conditions: see
     docs/robust.md."""
@@ -70,6 +77,10 @@ def resolve(args: DistillArgs) -> DistillArgs:
     steps = args.steps or STEPS
     imitation = steps // 2 if args.imitation_steps is None else args.imitation_steps
     check_ranges(args, imitation_steps=(0, math.inf), imitation_rate=(0, 1), noise=(1e-3, 1))
+    if len(args.more_cameras) * MORE_SHARE >= 1.0:
+        raise ValueError(f"--more-cameras must be fewer than {1.0 / MORE_SHARE:g}, got {len(args.more_cameras)}")
+    for camera in args.more_cameras:
+        check_choice("--more-cameras", camera, CAMERAS)
     load_teacher(args.teacher)
     args = dataclasses.replace(args, steps=steps, imitation_steps=imitation)
     return ppo.resolve(args)
@@ -125,10 +136,15 @@ def take_over(model: Student, folder: RunFolder) -> None:
 def make_env(args: DistillArgs) -> VecMonitor:
     """Make the tables to train on, some of them under easier conditions than those of the options: see `SHARES`."""
     whole = conditions_of(args)
-    ends = [round(share * args.num_envs) for share in np.cumsum(list(SHARES.values()))]
+    others = [dataclasses.replace(whole, camera=CAMERAS[camera], randomize=None) for camera in args.more_cameras]
+    rest = 1.0 - MORE_SHARE * len(others)
+    easier = {name: getattr(EXACT, name) for name in (*_SIGHT, "randomize")}
+    conditions = [dataclasses.replace(whole, **{name: easier[name] for name in left_out}) for left_out in SHARES]
+    shares = [*(share * rest for share in SHARES.values()), *(MORE_SHARE for _ in others)]
+    ends = [round(share * args.num_envs) for share in np.cumsum(shares)]
     parts = [
-        ppo.make_tables(args, dataclasses.replace(whole, **{name: getattr(EXACT, name) for name in left_out}), size)
-        for left_out, size in zip(SHARES, np.diff([0, *ends]).tolist(), strict=True)
+        ppo.make_tables(args, one, size)
+        for one, size in zip([*conditions, *others], np.diff([0, *ends]).tolist(), strict=True)
         if size > 0
     ]
     return VecMonitor(StudentTables(parts, whole.randomize or {}))

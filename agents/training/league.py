@@ -12,6 +12,7 @@ right.
 from __future__ import annotations
 
 import re
+import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +23,8 @@ from stable_baselines3.common.callbacks import BaseCallback
 from agents.files import COUNT, FILE, SHARE, TEXT, or_none, read_json, write_json
 from agents.models import export_policy
 from agents.seeding import sequence
+from agents.training.responses import Responses
+from agents.training.stopping import Stop
 from airhockey_env.opponents.players import Player as Opponent
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
@@ -37,6 +40,9 @@ LEAST_PRIORITY = 0.02
 updated too."""
 
 LATEST = "latest self"
+
+NAME = re.compile(r"(self|response [a-z]+-[0-9]+) at [0-9]+")
+"""The names of members with files."""
 
 
 @dataclass
@@ -68,8 +74,12 @@ class League(BaseCallback):
         self.args = args
         self.scripted = args.opponent
         self.members = [Member(LATEST), *(Member(name) for name in self.scripted)]
-        self.past: dict[int, MlpPolicy] = {}  # past selves by their number among the members
+        self.past: dict[int, MlpPolicy] = {}  # past selves and best responses by their number among the members
         self.due = 0  # steps at which the next copy joins
+        self.responses = Responses(args.responses, args.response_steps, args.seed)
+        self.responses_due = args.response_every  # steps at which the next best responses begin
+        self.responses_at: int | None = None  # steps of the agent that those under way are trained against
+        self.stop = Stop()
         self.random = np.random.default_rng(sequence("league", args.seed))
 
     @property
@@ -101,6 +111,11 @@ class League(BaseCallback):
     def _on_training_start(self) -> None:
         self.random = np.random.default_rng(sequence("league", self.args.seed, self.num_timesteps))
         self.tables.set_opponents(self.draw(self.tables.num_envs))
+        if self.responses_at is not None:  # the run was stopped before they were done
+            self.responses.begin(None, self.responses_at)
+
+    def _on_training_end(self) -> None:
+        self.responses.stop()
 
     def _on_rollout_start(self) -> None:
         latest = export_policy(self.model)
@@ -108,6 +123,8 @@ class League(BaseCallback):
         if self.num_timesteps >= self.due:
             self.due = self.num_timesteps + self.args.snapshot_every
             self.take_in(f"self at {self.num_timesteps}", latest)
+        if self.args.responses and self.num_timesteps >= self.responses_due:
+            self._see_to_responses(latest)
         self.logger.record("league/drawn", float(np.mean([member.drawn for member in self.members])))
         self.logger.record("league/won", float(np.mean([member.won for member in self.members])))
 
@@ -122,8 +139,23 @@ class League(BaseCallback):
             self.tables.set_opponents(self.draw(len(rows)), rows)
         return True
 
+    def _see_to_responses(self, latest: MlpPolicy) -> None:
+        """Take the best responses in, and begin new ones to the agent as it is now."""
+        while not self.responses.done:
+            if self.stop.asked:
+                return
+            time.sleep(0.2)
+        for name, policy in self.responses.take():
+            self.take_in(name, policy)
+        self.responses_at = None
+        self.responses_due = self.num_timesteps + self.args.response_every
+        assert self.args.steps is not None
+        if self.responses_due < self.args.steps:  # else they would join too late
+            self.responses_at = self.num_timesteps
+            self.responses.begin(latest, self.responses_at)
+
     def take_in(self, name: str, policy: MlpPolicy) -> None:
-        """Add a copy of the agent. If the league is full, it replaces the weakest past self."""
+        """Add a copy of the agent, or a best response. If the league is full, it replaces the weakest of these."""
         if len(self.past) < self.args.most_past_selves:
             number = len(self.members)
             self.members.append(Member(name))
@@ -137,11 +169,12 @@ class League(BaseCallback):
     def save(self, folder: Path) -> None:
         """Write the members, their records and the past selves' policies."""
         (folder / "league").mkdir(exist_ok=True)
-        files = {number: f"{self.members[number].name.split()[-1]}.npz" for number in self.past}
+        files = {number: f"{self.members[number].name.replace(' ', '_')}.npz" for number in self.past}
         for number, policy in self.past.items():
             policy.save(folder / "league" / files[number])
         members = [{**asdict(member), "file": files.get(k)} for k, member in enumerate(self.members)]
-        write_json(folder / "league.json", {"due": self.due, "members": members})
+        responses = {"due": self.responses_due, "at": self.responses_at}
+        write_json(folder / "league.json", {"due": self.due, "responses": responses, "members": members})
         for file in (folder / "league").glob("*.npz"):  # last, so that a failure above loses no policy
             if file.name not in files.values():
                 file.unlink()
@@ -154,13 +187,15 @@ class League(BaseCallback):
         """
         member = {"name": TEXT, "points": COUNT, "won": SHARE, "drawn": SHARE, "file": or_none(FILE)}
         path = folder / "league.json"
-        kept: dict[str, Any] = read_json(path, {"due": COUNT, "members": [member]})
+        responses = {"due": COUNT, "at": or_none(COUNT)}
+        kept: dict[str, Any] = read_json(path, {"due": COUNT, "responses": responses, "members": [member]})
         first = [(name, None) for name in (LATEST, *self.scripted)]
         found = [(entry["name"], entry.pop("file")) for entry in kept["members"]]
         names = [name for name, file in found[len(first) :] if file]  # these become names of files
-        fits = len(first) + len(names) == len(found) and all(re.fullmatch(r"self at [0-9]+", name) for name in names)
+        fits = len(first) + len(names) == len(found) and all(map(NAME.fullmatch, names))
         if found[: len(first)] != first or not fits:
             raise ValueError(f"{path} must begin with {first}, then have past selves with a file each, got {found}")
         self.members = [Member(**{name: entry[name] for name in asdict(Member(""))}) for entry in kept["members"]]
-        self.due = kept["due"]
+        self.due, responses = kept["due"], kept["responses"]
+        self.responses_due, self.responses_at = responses["due"], responses["at"]
         self.past = {k: MlpPolicy.load(folder / "league" / file) for k, (_, file) in enumerate(found) if file}

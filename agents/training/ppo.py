@@ -201,7 +201,7 @@ def model_arguments(args: PpoArgs) -> dict[str, Any]:
         },
         "stats_window_size": 500,
         "seed": args.seed,
-        "device": "cpu",
+        "device": args.device,
     }
 
 

@@ -51,6 +51,9 @@ class TrainArgs:
     """Record a video of this many seconds of the trained agent. With 0, there is no video."""
     threads: int = 1
     """Let PyTorch use this many threads. The networks are small, so a second thread does not help."""
+    device: str = "cpu"
+    """Train the network on this device of PyTorch: "cpu", or for example "cuda". A GPU pays with thousands of tables
+    and samples in a gradient step."""
     table: TableOption = "full_size"
     randomize: RandomizeOption = None
     camera: CameraOption = None

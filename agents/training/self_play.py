@@ -5,13 +5,23 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from typing import Annotated
+
+import tyro
 
 from agents.options import Count, check_ranges
 from agents.training import ppo
 from agents.training.league import League
 from agents.training.recipe import Recipe, Setup
+from agents.training.start import KINDS
+from airhockey_env.checks import check_choice
 
 STEPS = 30_000_000
+
+RESPONSES_HELP = (
+    "While the agent trains, train best responses to it in processes beside it, which join the league when they are "
+    f"done: any of {', '.join(KINDS)}, which say where their training begins (see scripts.exploit)."
+)
 
 
 @dataclass(frozen=True)
@@ -35,15 +45,23 @@ class SelfPlayArgs(ppo.PpoArgs):
     snapshot_every: Count = 2_000_000
     """Add a copy of the agent to the league every this many steps."""
     most_past_selves: Count = 12
-    """Keep at most this many copies in the league. A further one replaces the weakest."""
+    """Keep at most this many copies in the league, best responses included. A further one replaces the weakest."""
+    responses: Annotated[tuple[str, ...], tyro.conf.arg(help=RESPONSES_HELP)] = ()
+    response_steps: Count = 6_000_000
+    """Train each best response for this many steps."""
+    response_every: Count = 20_000_000
+    """Begin new best responses every this many steps, when those before have joined the league. If they are not done
+    by then, wait for them."""
 
 
 def resolve(args: SelfPlayArgs) -> SelfPlayArgs:
     """Check the options and fill in the numbers of steps. See `Recipe.resolve`."""
     check_ranges(
         args, latest_share=(0, 1), scripted_share=(0, 1 - args.latest_share), snapshot_every=(1, math.inf),
-        most_past_selves=(1, 1000),
+        most_past_selves=(1, 1000), response_steps=(1, math.inf), response_every=(1, math.inf),
     )  # fmt: skip
+    for kind in args.responses:
+        check_choice("--responses", kind, KINDS)
     return ppo.resolve(dataclasses.replace(args, steps=args.steps or STEPS))
 
 

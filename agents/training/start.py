@@ -19,6 +19,16 @@ START_HELP = (
     f"of {' or '.join(TRAINED)}, instead of shooting practice."
 )
 
+STRONGEST = "expert"
+"""The strongest player that ships."""
+
+KINDS = {
+    "scratch": "from an untrained network, as train_ppo does",
+    "own": "from the player's own network, if its layers are like those of train_ppo",
+    STRONGEST: f"from {STRONGEST}, the strongest player that ships",
+}
+"""The kinds of best responses: where their training begins."""
+
 
 def take_over(model: PPO, start: str) -> None:
     """Copy a network into a new model, except for its exploration noise.
@@ -71,6 +81,6 @@ def _copy_policy(policy: MlpPolicy, model: PPO) -> None:
             f"--start must be a policy with {len(layers) - 1} hidden layers of ReLU units and clipped outputs"
         )
     weights = [torch.as_tensor(weight) for weight in policy.weights]
-    weights[0] = weights[0] @ torch.linalg.pinv(features.matrix)  # the matrix has full rank, so this undoes it
+    weights[0] = weights[0] @ torch.linalg.pinv(features.matrix.cpu())  # the matrix has full rank, so this undoes it
     for layer, weight, bias in zip(layers, weights, policy.biases, strict=True):
         layer.load_state_dict({"weight": weight, "bias": torch.as_tensor(bias)})

@@ -95,7 +95,7 @@ class Student(PPO):
         for _ in range(self.n_epochs):
             samples: Any
             for samples in self.rollout_buffer.get(self.batch_size):
-                labels = torch.as_tensor(np.asarray(self.teacher(samples.observations[EXACT_STATE].numpy())))
+                labels = self._labels(samples.observations[EXACT_STATE])
                 distribution: Any = policy.get_distribution(samples.observations).distribution
                 error = imitation_error(distribution.mean, labels)
                 values = policy.predict_values(samples.observations).flatten()
@@ -107,6 +107,11 @@ class Student(PPO):
                 errors.append(error.detach())
         self._n_updates += self.n_epochs
         self.logger.record("train/imitation_error", float(torch.stack(errors).mean()))
+
+    def _labels(self, exact: torch.Tensor) -> torch.Tensor:
+        """What the teacher does in these exact states."""
+        assert self.teacher is not None
+        return torch.as_tensor(np.asarray(self.teacher(exact.cpu().numpy())), device=self.device)
 
     def set_noise(self, deviation: float) -> None:
         """Let the disturbances of the actions (gSDE) have this standard deviation, on the tables as they are now.

@@ -12,6 +12,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from airhockey_env.kernel.state import OBSERVATION_SIZE
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
+from airhockey_env.threads import Threads
 
 SEEN, EXACT_STATE, TABLE = "seen", "exact", "table"
 """The parts of an observation: what the student sees; the exact state, (13,); and the values of the table's drawn
@@ -32,6 +33,7 @@ class StudentTables(VecEnv):
     def __init__(self, parts: Sequence[AirHockeySB3VecEnv], ranges: Mapping[str, Sequence[float]]) -> None:
         self.parts, self.ranges = tuple(parts), ranges
         ends = np.cumsum([part.num_envs for part in parts]).tolist()
+        self._threads = Threads(None)
         self._bounds = list(zip([0, *ends[:-1]], ends, strict=True))
         space = {
             SEEN: parts[0].observation_space,
@@ -58,7 +60,14 @@ class StudentTables(VecEnv):
 
     def step_wait(self) -> Any:
         """Play the step."""
-        seen, rewards, dones, infos = zip(*(part.step_wait() for part in self.parts), strict=True)
+        results: list[Any] = [None] * len(self.parts)
+
+        def play(first: int, last: int) -> None:
+            for k in range(first, last):
+                results[k] = self.parts[k].step_wait()
+
+        self._threads.share(len(self.parts), 1, play)
+        seen, rewards, dones, infos = zip(*results, strict=True)
         everybody = [info for part in infos for info in part]
         for i in np.flatnonzero(np.concatenate(dones)):
             del everybody[i]["terminal_observation"]
@@ -74,7 +83,8 @@ class StudentTables(VecEnv):
         return {SEEN: np.concatenate(seen), EXACT_STATE: exact, TABLE: table}
 
     def close(self) -> None:
-        """End the threads of the batches."""
+        """End the threads."""
+        self._threads.close()
         for part in self.parts:
             part.close()
 

@@ -15,7 +15,7 @@ from stable_baselines3.common.logger import configure
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
 from agents.files import read_arguments, read_json, write_json
-from agents.options import check_ranges, check_resumed, not_default
+from agents.options import check_device, check_ranges, check_resumed, not_default
 from agents.training import checkpoints, distill, ppo, self_play, zoo
 from agents.training.learning import ProgressBar, Records, seed_learning
 from agents.training.recipe import History, Phase, Recipe, Setup, TrainArgs
@@ -30,8 +30,9 @@ Args = TypeVar("Args", bound=TrainArgs)
 RECIPES = {recipe.args: recipe for recipe in (ppo.RECIPE, self_play.RECIPE, distill.RECIPE, zoo.RECIPE)}
 """The recipes by the type of their options."""
 
-NOT_KEPT = ("resume", "trust")
-"""Options that config.json does not keep. Otherwise a file from somebody else could say that it is to be trusted."""
+NOT_KEPT = ("resume", "trust", "device")
+"""Options that config.json does not keep. Otherwise a file from somebody else could say that it is to be trusted. A run
+can be resumed on a machine with other devices."""
 
 
 class Run:
@@ -147,6 +148,7 @@ def _resolved(args: Args) -> Args:
         args, steps=(1, most), seed=(0, 2**31 - 1), eval_every=(1, most), eval_episodes=(1, most),
         report_episodes=(1, most), threads=(1, 1024), video_seconds=(0, 3600), stack=(1, MOST_STACK),
     )  # fmt: skip
+    check_device(args.device)
     args = RECIPES[type(args)].resolve(args)
     assert args.steps is not None
     return dataclasses.replace(args, eval_every=args.eval_every or max(1, args.steps // 10))
@@ -220,6 +222,8 @@ def _learn_phase(run: Run, phase: Phase, callbacks: Sequence[BaseCallback], stop
     model = run.model
     print(phase.title)
     seed_learning(model, phase.env, phase.purpose, run.args.seed)
+    if run.setup.league is not None:
+        run.setup.league.stop, run.setup.league.responses.name = stop, run.folder.path.name
     model.learn(
         run.steps - model.num_timesteps,
         callback=CallbackList([*phase.callbacks, *callbacks, Watch(run, stop), ProgressBar(), StopLearning(stop)]),

@@ -109,7 +109,7 @@ def build(args: ZooArgs, new: bool) -> Setup:
     """See `Recipe.build`."""
     hyperparameters = parsed(args)
     env = make_env(args.env, hyperparameters)
-    model = make_model(args.algo, hyperparameters, env, args.seed)
+    model = make_model(args.algo, hyperparameters, env, args.seed, args.device)
     tables = make_env(args.env, hyperparameters, min(args.eval_episodes, EPISODES_AT_ONCE))
     play = partial(successes, model, tables, args.seed)
     title = f"{args.algo} on {args.env}" + (f", {args.obs_type}" if args.obs_type != "state" else "")
@@ -153,7 +153,9 @@ def make_env(env_id: str, hyperparameters: Hyperparameters, num_envs: int | None
     return VecFrameStack(env, hyperparameters.frame_stack) if hyperparameters.frame_stack else env
 
 
-def make_model(algo: str, hyperparameters: Hyperparameters, env: VecEnv, seed: int = 0) -> BaseAlgorithm:
+def make_model(
+    algo: str, hyperparameters: Hyperparameters, env: VecEnv, seed: int = 0, device: str = "cpu"
+) -> BaseAlgorithm:
     """Make an untrained agent.
 
     Raises:
@@ -161,7 +163,7 @@ def make_model(algo: str, hyperparameters: Hyperparameters, env: VecEnv, seed: i
     """
     arguments: dict[str, Any] = hyperparameters.model
     try:
-        return ALGORITHMS[algo](env=env, seed=seed, device="cpu", **arguments)
+        return ALGORITHMS[algo](env=env, seed=seed, device=device, **arguments)
     except (TypeError, AssertionError) as error:
         raise ValueError(f"hyperparameters do not fit {algo}: {error}") from error
 

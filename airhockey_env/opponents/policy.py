@@ -229,14 +229,26 @@ class MlpPolicy:
         Raises:
             ValueError: the observations have another shape.
         """
-        n = len(observations)
         if observations.shape[1:] != self._shape:
             shown = ", ".join(map(str, self._shape))
             raise ValueError(f"observations must be of shape (N, {shown}), got {observations.shape}")
-        out = np.empty((n, self._sizes[-1]), np.float32)
+        out = np.empty((len(observations), 2), np.float32)
+        self.act(observations, out)
+        return out
+
+    def act(self, observations: NDArray[np.float32], out: NDArray[np.float32]) -> None:
+        """Write the actions for observations (N, 13), or (N, stack, 15), into out, (N, 2).
+
+        Several threads may do this at once.
+        """
+        n = len(observations)
+        scores = np.empty((n, self._sizes[-1]), np.float32)
         rows = observations.reshape(n, self._sizes[0])
-        _forward(rows, self._parameters, self._sizes, self.activation == "tanh", self.squash, out)
-        return DIRECTIONS[out.argmax(axis=1)] if self.discrete else np.clip(out, -1.0, 1.0)
+        _forward(rows, self._parameters, self._sizes, self.activation == "tanh", self.squash, scores)
+        if self.discrete:
+            out[:] = DIRECTIONS[scores.argmax(axis=1)]
+        else:
+            np.clip(scores, -1.0, 1.0, out=out)
 
     def save(self, path: str | Path) -> None:
         """Write the weights to an .npz file; a file that is there already is replaced at once or not at all."""

@@ -12,8 +12,12 @@ from airhockey_env.checks import check_rows, check_skill, check_velocities, chec
 from airhockey_env.kernel.scripted import EXTERNAL
 from airhockey_env.kernel.state import LEFT
 from airhockey_env.opponents.players import Player, Policy, driver_of, policy_of, resolve_player, stack_of
+from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.player_interface import PlayerInterface
 from airhockey_env.threads import Threads, one_at_a_time
+
+ROWS_PER_THREAD = 512
+"""Rows of networks that are worth a thread of their own."""
 
 
 class Needs(NamedTuple):
@@ -192,16 +196,35 @@ class Pool:
         if self._groups is None:
             self._groups = self._make_groups()
         n, groups = len(self._room), self._groups
-        if len(groups) == 1 and len(groups[0].seen) == n:
+        if n >= 2 * ROWS_PER_THREAD and self._threads.num_threads > 1:
+            groups = [group for group in groups if not isinstance(group.policy, MlpPolicy)]
+            self._ask_networks([group for group in self._groups if isinstance(group.policy, MlpPolicy)])
+        elif len(groups) == 1 and len(groups[0].seen) == n:
             group = groups[0]
             self.last_actions = check_velocities(group.name, group.policy(group.seen), (n, 2))
             return self.last_actions
-        for policy, name, rows, seen, source, copied in groups:
-            if copied is not None and not isinstance(rows, slice):
-                np.take(source, rows, axis=0, out=copied, mode="clip")  # other modes would copy twice
-            self._room[rows] = check_velocities(name, policy(seen), (len(seen), 2))
+        for group in groups:
+            group.look()
+            self._room[group.rows] = check_velocities(group.name, group.policy(group.seen), (len(group.seen), 2))
         self.last_actions = self._room
         return self.last_actions
+
+    def _ask_networks(self, groups: list[_Group]) -> None:
+        """Ask policies that several threads may ask at once: each thread takes some of the rows of one or more."""
+        answers = [np.empty((len(group.seen), 2), np.float32) for group in groups]
+        bounds = np.cumsum([0, *map(len, answers)])
+
+        def ask(first: int, last: int) -> None:
+            for group, answer, begin in zip(groups, answers, bounds, strict=False):
+                part = slice(max(first - begin, 0), max(min(last - begin, len(answer)), 0))
+                if part.start < part.stop:
+                    group.look(part)
+                    assert isinstance(group.policy, MlpPolicy)
+                    group.policy.act(group.seen[part], answer[part])
+
+        self._threads.share(int(bounds[-1]), ROWS_PER_THREAD, ask)
+        for group, answer in zip(groups, answers, strict=True):
+            self._room[group.rows] = check_velocities(group.name, answer, answer.shape)
 
     def _make_groups(self) -> list[_Group]:
         """The tables on which policies play, one group for each policy, in the order of the pool."""
@@ -265,6 +288,12 @@ class _Group(NamedTuple):
     seen: NDArray[np.float32]  # (n, 13) or (n, stack, 15), read-only: a view of `source` with a slice, else of `copied`
     source: NDArray[np.float32]  # (N, 13) or (N, K, 15)
     copied: NDArray[np.float32] | None  # (n, 13) or (n, K, 15), filled in every step
+
+    def look(self, part: slice = slice(None)) -> None:
+        """Fill what is copied, or a part of it."""
+        if self.copied is not None and not isinstance(self.rows, slice):
+            # Other modes would copy twice.
+            np.take(self.source, self.rows[part], axis=0, out=self.copied[part], mode="clip")
 
 
 def _read_only(array: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import signal
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +13,9 @@ import pytest
 
 from agents.training.league import LATEST, LEAST_PRIORITY, League, Member
 from agents.training.ppo import make_env, make_model
+from agents.training.responses import Responses
 from agents.training.self_play import SelfPlayArgs
+from agents.training.train import train
 from tests.helpers import some_policy
 
 UPDATE = 6 * 8
@@ -127,3 +131,62 @@ class TestLeague:
         League(ARGS).save(tmp_path)
         members = json.loads((tmp_path / "league.json").read_text())["members"]
         assert [row["name"] for row in members] == [LATEST, "striker", "idle"]
+
+
+class TestResponses:
+    """Best responses that are trained beside the agent."""
+
+    def test_they_join_the_league(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(tmp_path)
+        args = dataclasses.replace(
+            ARGS, name="main", steps=3 * UPDATE, warmup_steps=0, eval_episodes=2, report_episodes=2, video_seconds=0.0,
+            snapshot_every=10**9, responses=("scratch",), response_steps=32, response_every=UPDATE, seed=4,
+        )  # fmt: skip
+        train(args)
+        kept = json.loads(Path("runs/main/league.json").read_text())
+        assert [member["name"] for member in kept["members"][3:]] == ["self at 0", f"response scratch-4 at {UPDATE}"]
+        run = Path(f"runs/main-response-{UPDATE}-scratch-4")
+        joined = Path("runs/main/league", kept["members"][4]["file"])
+        assert np.load(joined)["weight_0"].tolist() == np.load(run / "policy.npz")["weight_0"].tolist()
+        config = json.loads((run / "config.json").read_text())
+        assert config["opponent"] == [f"runs/main-response-{UPDATE}/policy.npz"]
+        assert kept["responses"] == {"due": 3 * UPDATE, "at": None}, "others would have joined after the end"
+
+    def test_stopping_and_going_on(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(tmp_path)
+        responses = Responses(("scratch",), 10**9, 0)
+        responses.name = "main"
+        responses.begin(some_policy(), 7)
+        assert not responses.done
+        responses.stop()
+        assert responses.running == []
+        assert Path("runs/main-response-7/policy.npz").exists()
+        going_on = Responses(("scratch",), 1, 0)
+        going_on.name = "main"
+        going_on.begin(None, 7)
+        assert going_on.running[0].name == "response scratch-0 at 7"
+        going_on.stop()
+
+    def test_one_that_fails(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(tmp_path)
+        responses = Responses(("own",), 32, 0)
+        responses.name = "main"
+        responses.begin(some_policy(), 0)
+        Path("runs/main-response-0/policy.npz").write_bytes(b"damaged")
+        responses.running[0].process.wait()
+        with pytest.raises(RuntimeError, match="main-response-0-own-0"):
+            _ = responses.done
+
+    def test_ctrl_c_while_waiting_for_them(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(tmp_path)
+        league = League(dataclasses.replace(ARGS, responses=("scratch",), steps=100))
+        league.responses.name = "main"
+        league.responses.begin(some_policy(), 0)
+        threading.Timer(0.3, lambda: league.stop.note(signal.SIGINT)).start()
+        league._see_to_responses(some_policy())
+        assert league.responses.running, "they have not joined"
+        league.responses.stop()
+
+    def test_kinds(self) -> None:
+        with pytest.raises(ValueError, match="--responses"):
+            train(dataclasses.replace(ARGS, responses=("worst",)))

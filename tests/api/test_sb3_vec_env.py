@@ -235,3 +235,18 @@ def test_wrappers_hand_on_what_is_asked():
     ours.set_opponents(0)  # a method of the batch
     assert ours.getattr_depth_check("set_opponents", already_found=False) is None
     assert ours.env_is_wrapped(gym.Wrapper) == [False] * N
+
+
+def test_what_is_written_into_an_info_is_gone_in_the_next_step():
+    """The dicts of steps that end no episode are used again as long as they are empty."""
+    envs = AirHockeySB3VecEnv(3)
+    envs.reset()
+    actions = np.zeros((3, 2), np.float32)
+    _, _, _, infos = envs.step(actions)
+    infos[1]["mine"] = 1
+    _, _, _, later = envs.step(actions)
+    assert later == [{}, {}, {}]
+    assert infos == [{}, {"mine": 1}, {}]
+    assert len({id(info) for info in later}) == 3
+    del infos[1:]
+    assert len(envs.step(actions)[3]) == 3

@@ -140,6 +140,10 @@ train_ppo --camera eagle
 train_ppo --action-delay-ms -1
 train_ppo --reward huge
 train_ppo --num-envs 0
+train_ppo --device abacus
+train_self_play --responses worst
+train_self_play --response-every 0
+distill --more-cameras eye
 train_ppo --steps 0
 train_ppo --steps many
 train_ppo --n-steps 1

@@ -15,8 +15,9 @@ from airhockey_env.game import Game
 from airhockey_env.kernel.observations import observe
 from airhockey_env.kernel.scripted import EXTERNAL, SCRIPTED
 from airhockey_env.kernel.state import RIGHT
+from airhockey_env.opponents.pool import ROWS_PER_THREAD
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
-from tests.helpers import COPIES, pursue, random_actions, same, shown
+from tests.helpers import COPIES, pursue, random_actions, same, shown, some_policy
 
 
 def retreat(seen):
@@ -120,6 +121,22 @@ def test_neither_batch_size_nor_threads_nor_grouping_matter():
         results = [envs.step(actions[: envs.num_envs])[:4] for envs in every]
         for few, count in ((results[0], 12), (results[1], n), (results[3], n)):
             assert same(few, tuple(part[:count] for part in results[2]))
+
+
+@pytest.mark.parametrize("obs", ["exact", "stacked"])
+def test_threads_that_ask_networks_give_the_same_actions(obs):
+    """Several networks, one that chooses directions and one that shares its tables with nobody, with odd numbers of
+    tables, which threads divide within and across networks."""
+    n = 2 * ROWS_PER_THREAD + 77
+    stack = 1 if obs == "exact" else 3
+    pool = ["striker", some_policy(stack=stack), some_policy(9, seed=1), pursue, some_policy(seed=2)]
+    one, many = (AirHockeyVectorEnv(n, opponent=pool, num_threads=threads) for threads in (1, 5))
+    places = np.random.default_rng(0).choice(len(pool), n, p=[0.2, 0.5, 0.1, 0.1, 0.1])
+    for envs in (one, many):
+        envs.reset(seed=3)
+        envs.set_opponents(places)
+    for actions in random_actions(5, 40, n):
+        assert same(one.step(actions)[:4], many.step(actions)[:4])
 
 
 @pytest.mark.parametrize("places", [[0, 1, 2, 0, 1, 2, 0], [0, 0, 0, 1, 1, 2, 2], [1, 1, 1, 1, 1, 1, 1]], ids=shown)
