@@ -163,7 +163,7 @@ class AirHockeyEnv(TableEnv, gym.Env):
     | `reward` | `"sparse"` or `"shaped"` | `"sparse"` |
     | `control_hz` | 10 to 240: control steps per second | 50 |
     | `randomize` | None, `"tables"` (ranges that contain the tables people have measured), or a mapping from `TableSpec` fields to (low, high), to draw from for every episode | None |
-    | `camera` | None for exact states; `"robot"`, `"slow"`, `"robots"`, a `Camera` or a mapping of its fields, of which each is a number or a range (low, high) to draw from for every episode: you see the puck and the opponent's paddle late and with noise, but your own paddle and the clock exactly; opponents see exact states; see `airhockey_env.cameras` | None |
+    | `camera` | None for exact states; `"robot"`, `"slow"`, `"robots"`, `"late"`, a `Camera` or a mapping of its fields, of which each is a number or a range (low, high) to draw from for every episode: you see the puck and the opponent's paddle late and with noise, but your own paddle and the clock exactly; opponents see exact states; see `airhockey_env.cameras` | None |
     | `stack` | 1 to 64: how many of the last observations an observation consists of, see above | 1 |
     | `action_delay_ms` | 0 to 1000 ms by which your paddle obeys an action late, or a range (low, high) to draw from for every episode, see above; opponents act immediately | 0 |
     | `max_episode_steps` | steps after which an episode is truncated; None: those of the task's id, see above; -1: no limit. `gymnasium.make` puts the limit into a wrapper around the environment; the class alone has none by default | -1 |
