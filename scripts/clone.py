@@ -46,9 +46,9 @@ def clone(args: CloneArgs) -> None:
         dataset = minari.load_dataset(args.dataset)
     except FileNotFoundError as error:
         raise FileNotFoundError(f"ID must name a data set in Minari's folder; {error}") from error
-    policy, error = clone_dataset(dataset, epochs=args.epochs, seed=args.seed)
+    policy, loss = clone_dataset(dataset, epochs=args.epochs, seed=args.seed)
     policy.save(args.out)
-    print(f"{args.out}: imitates {args.dataset} with an error of {error:.4f} in the last pass")
+    print(f"{args.out}: imitates {args.dataset} with an error of {loss:.4f} in the last pass")
 
 
 def main() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-import signal
 import sys
 import time
 from collections.abc import Iterator
@@ -88,6 +87,9 @@ class DatasetArgs:
     trust: Trust = False
 
 
+MOST_STEPS = 10**8
+"""A data set is put together in memory, where this many steps of plain observations take 8 GB."""
+
 GO_WITH_REPLAYS = ("replays", "id", "author", "author_email", "check")
 
 
@@ -98,7 +100,7 @@ def make_dataset(args: DatasetArgs) -> None:
         ValueError, OSError: an argument does not fit, or the disk is full.
         gymnasium.error.DependencyNotInstalled: Minari is missing.
     """
-    check_ranges(args, steps=(1, 10**12), stack=(1, MOST_STACK), seed=(0, 10**9))
+    check_ranges(args, steps=(1, MOST_STEPS), stack=(1, MOST_STACK), seed=(0, 10**9))
     check_choice("--task", args.task, TASKS)
     player = HUMAN if args.replays else args.player
     setting, episodes = from_replays(args) if args.replays else from_play(args)
@@ -159,7 +161,6 @@ def differences(args: DatasetArgs) -> list[str]:
 
 def main() -> None:
     """Read the command line and make a data set."""
-    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))  # so that what was begun is removed
     run_command("make_dataset", DatasetArgs, make_dataset)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from agents.datasets.scores import EPISODES, Scores
+from agents.datasets.scores import Scores
 from agents.datasets.settings import Setting
 from agents.models import short_name
 from airhockey_env.kernel.tasks import TASKS
@@ -68,7 +68,7 @@ def metadata_of(player: str, setting: Setting, scores: Scores, author: tuple[str
         "requirements": [f"airhockey-env=={__version__}"],
         "ref_min_score": scores.random,
         "ref_max_score": scores.expert,
-        "num_episodes_average_score": EPISODES,
+        "num_episodes_average_score": scores.episodes,
     }
 
 

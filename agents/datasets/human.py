@@ -88,12 +88,13 @@ def _stretches(replay: Replay) -> Iterator[tuple[NDArray[np.void], NDArray[np.fl
     states = play_back(replay)
     ends = [*replay.starts[1:].tolist(), len(replay)]
     for start, stop in zip(replay.starts.tolist(), ends, strict=True):
-        score = None
+        score: list[int] = []
         for k in range(start, stop + 1):
             state = next(states)
-            before, score = score, game_state(state)["score"].tolist()
+            before, score = score, game_state(state)["score"][0].tolist()
             if score != before and k < stop:
                 yield _fresh(state), replay.actions[k:stop]
+    next(states, None)  # compares the end of the last segment
 
 
 def _fresh(state: NDArray[np.void]) -> NDArray[np.void]:

@@ -19,7 +19,7 @@ EXPERT = "expert"
 """The player whose score counts as 1, in every task and under all conditions."""
 
 EPISODES = 1000
-"""Episodes of which each score is the mean return."""
+"""Episodes that each of the two plays."""
 
 
 class Scores(NamedTuple):
@@ -27,6 +27,8 @@ class Scores(NamedTuple):
 
     random: float
     expert: float
+    episodes: int = EPISODES
+    """Of which each is the mean."""
 
     def normalised(self, score: float) -> float:
         """A mean return on the scale of these; NaN if they are equal."""
@@ -36,7 +38,7 @@ class Scores(NamedTuple):
 
 def reference_scores(setting: Setting) -> Scores:
     """Play `EPISODES` episodes each, the same ones for every data set of the setting."""
-    return Scores(_mean_return(None, setting), _mean_return(load_player(EXPERT), setting))
+    return Scores(_mean_return(None, setting), _mean_return(load_player(EXPERT), setting), EPISODES)
 
 
 def _mean_return(player: Player | None, setting: Setting) -> float:

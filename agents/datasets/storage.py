@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import re
 import shutil
+import signal
+import sys
 import tempfile
+import threading
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -81,10 +85,11 @@ def write_dataset(
         dataset_id: the id, checked.
         setting: the environment of the episodes.
         metadata: Minari's further fields by name.
-        episodes: the episodes, at least one; they are written as they come.
+        episodes: the episodes, at least one.
 
     Raises:
-        OSError: the disk is full, there is such a data set by now, or something else went wrong with the files.
+        OSError: the disk is full, there is such a data set by now, or something else is wrong with the files.
+        MemoryError: the episodes do not fit into memory.
     """
     from minari import __version__
     from minari.dataset.minari_dataset import parse_dataset_id
@@ -97,8 +102,8 @@ def write_dataset(
         folder = hidden / "dataset"
         folder.mkdir()
         storage = MinariStorage.new(folder / "data", env_spec=spec, data_format="hdf5")
-        with _disk_errors(final):
-            lengths, returns = _write_hdf5(folder / "data" / "main_data.hdf5", episodes)
+        content, lengths, returns = _as_hdf5(episodes)
+        (folder / "data" / "main_data.hdf5").write_bytes(content.getbuffer())
         steps = sum(lengths)
         facts = {
             "dataset_id": dataset_id,
@@ -119,27 +124,23 @@ def write_dataset(
 
 @contextlib.contextmanager
 def _hidden_folder(parent: Path) -> Iterator[Path]:
-    """A new folder that Minari does not see, for as long as the context lasts."""
+    """A new folder that Minari does not see, for as long as the context lasts, even if SIGTERM ends it."""
+    main = threading.current_thread() is threading.main_thread()  # Python handles signals only there
+    before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number)) if main else None
     hidden = Path(tempfile.mkdtemp(prefix=".part-", dir=parent))
     try:
         yield hidden
     finally:
         shutil.rmtree(hidden, ignore_errors=True)
+        if main:
+            signal.signal(signal.SIGTERM, before)
 
 
-@contextlib.contextmanager
-def _disk_errors(final: Path) -> Iterator[None]:
-    """HDF5 reports a full disk as any of several errors; this makes an OSError of each."""
-    try:
-        yield
-    except (OSError, RuntimeError) as error:
-        raise OSError(f"the data set could not be written to {final.parent}: {error}") from error
+def _as_hdf5(episodes: Iterable[Episode]) -> tuple[io.BytesIO, list[int], list[float]]:
+    """A file as Minari's "dataset standards" describe it, and the lengths and the returns of the episodes.
 
-
-def _write_hdf5(path: Path, episodes: Iterable[Episode]) -> tuple[list[int], list[float]]:
-    """Write a file as Minari's "dataset standards" describe it; the lengths and the returns of the episodes.
-
-    Minari's own writer takes six times as long, most of it for making arrays that can grow, and for looking up types.
+    In memory, because HDF5 does not survive a full disk. Minari's own writer takes six times as long, most of it for
+    arrays that can grow later.
     """
     import h5py
     from h5py import h5a, h5d, h5g, h5s, h5t
@@ -155,8 +156,8 @@ def _write_hdf5(path: Path, episodes: Iterable[Episode]) -> tuple[list[int], lis
     def add_number(group: Any, name: bytes, number: int) -> None:
         h5a.create(group, name, types[np.dtype(np.int64)], scalar).write(np.array(number, np.int64))
 
-    lengths, returns = [], []
-    with h5py.File(path, "w") as file:
+    content, lengths, returns = io.BytesIO(), [], []
+    with h5py.File(content, "w") as file:
         for number, episode in enumerate(episodes):
             group = h5g.create(file.id, b"episode_%d" % number)
             add_number(group, b"id", number)
@@ -175,4 +176,4 @@ def _write_hdf5(path: Path, episodes: Iterable[Episode]) -> tuple[list[int], lis
             h5g.create(group, b"infos")  # empty, as Minari writes it: printing an episode needs it
             lengths.append(len(episode))
             returns.append(float(episode.rewards.sum()))
-    return lengths, returns
+    return content, lengths, returns

@@ -1,7 +1,7 @@
 """Behaviour cloning: a policy that imitates the actions in a data set (Pomerleau, "ALVINN", NeurIPS 1988).
 
-It is the baseline of offline learning. It looks at actions alone, so it comes close to the player that was recorded, and
-not beyond.
+It is the baseline of offline learning. It takes no account of rewards, so it comes close to the player that was
+recorded, and not beyond.
 """
 
 from __future__ import annotations
