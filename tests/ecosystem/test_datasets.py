@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import h5py
 import minari
@@ -26,8 +27,9 @@ from agents.models import load_player
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.version import __version__
 from tests.helpers import ROOT, Call, save_match, start
+from tests.pages import DATASETS, blocks
 
-DEFEND = Setting("defend", "idle")
+POINT, DEFEND = Setting("point", "striker"), Setting("defend", "idle")
 CAMERA = ("--camera", "robot", "--stack", "3", "--action-delay-ms", "5", "20")
 
 
@@ -161,6 +163,18 @@ class TestNothingIsLost:
 
 def contents(folder: Path) -> dict[Path, bytes]:
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_the_page_does_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Any) -> None:
+    monkeypatch.chdir(tmp_path)
+    episodes = itertools.islice(play_episodes(load_player("expert"), POINT, 0), 30)
+    scale = {"ref_min_score": -1.0, "ref_max_score": 0.8, "description": "A test."}
+    write_dataset("airhockey/point/expert-v0", POINT, scale, episodes)
+    names: dict[str, object] = {"__name__": "example"}
+    for block in blocks(DATASETS):
+        if block.language == "python":
+            exec(compile("\n" * block.line + block.code, str(DATASETS), "exec"), names)
+    assert "torch.Size([256, 13])" in capfd.readouterr().out
 
 
 def test_a_clone_plays_like_the_one_it_imitates(call: Call, tmp_path: Path) -> None:
