@@ -72,15 +72,19 @@ def replayed_episodes(replays: Sequence[Replay], setting: Setting) -> Iterator[E
     """The complete episodes in replays, played once more in the environment; what was broken off is left out.
 
     Raises:
-        ValueError: a replay does not play back to the bit.
+        ValueError: a replay does not play back to the bit, or no episode is complete.
     """
     env = gymnasium.make(setting.spec)
+    complete = 0
     for replay in replays:
         for state, actions in _stretches(replay):
             episode = _play(env, state, actions)
             if episode is not None:
+                complete += 1
                 yield episode
     env.close()
+    if not complete:
+        raise ValueError(f"no point was played to its end in {', '.join(replay.name for replay in replays)}")
 
 
 def _stretches(replay: Replay) -> Iterator[tuple[NDArray[np.void], NDArray[np.float32]]]:

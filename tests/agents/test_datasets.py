@@ -171,6 +171,11 @@ class TestHuman:
         with pytest.raises(ValueError, match="discrete"):
             setting_of([Replay.load(tmp_path / "discrete.npz")])
 
+    def test_a_match_without_a_complete_point(self, tmp_path: Path) -> None:
+        replays = load_replays("--replays", [save_match(tmp_path / "short.npz", "striker", skill=1.0, points=0)])
+        with pytest.raises(ValueError, match=r"short\.npz"):
+            list(replayed_episodes(replays, setting_of(replays)))
+
     def test_a_damaged_replay_is_refused(self, saved: Path) -> None:
         replay = Replay.load(saved)
         replay.actions[:] *= -1.0

@@ -76,7 +76,7 @@ make_dataset --player nobody
 make_dataset --player striker
 make_dataset --opponent nobody
 make_dataset --steps 0
-make_dataset --steps 1e9
+make_dataset --steps 1000000000
 make_dataset --task juggle
 make_dataset --table billiards
 make_dataset --randomize worlds
