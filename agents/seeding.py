@@ -9,7 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-PURPOSES = ("actions", "practice", "training", "league", "progress", "report", "evaluation", "video", "imitation")
+PURPOSES = (
+    *("actions", "practice", "training", "league", "progress", "report", "evaluation", "video", "imitation"),
+    *("dataset", "reference"),
+)
 """The purposes of streams. The position in this tuple identifies a purpose, so new ones must be added at the end.
 
 "actions" is exploration, "progress" and "report" are a run's own evaluations during training and at its end, and

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 import airhockey_env
 from airhockey_env.cameras import Camera
 from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
+from airhockey_env.live import LiveMatch
 from airhockey_env.opponents.policy import MlpPolicy
 
 ROOT = Path(__file__).parents[1]
@@ -162,6 +163,22 @@ def turned(tables: NDArray[np.void]) -> NDArray[np.void]:
     for name in ("score", "member", "skill", "wander"):
         other[name] = tables[name][:, ::-1]
     return other
+
+
+def save_match(path: Path, opponent: str, skill: float, points: int = 3) -> Path:
+    """Save the replay of a match in which somebody points at the puck, and which goes on for a while after `points`."""
+    match = LiveMatch(opponent, skill=skill, points=7, recorded=True, seed=1)
+    now = 0.0
+    while sum(match.score) < points:
+        now += 1 / 60
+        assert now < 600.0
+        x, y = match.positions[PUCK].tolist()
+        match.advance(now, (x - 0.03, y))
+    for _ in range(90):
+        now += 1 / 60
+        match.advance(now)
+    match.replay().save(path)
+    return path
 
 
 # Policies

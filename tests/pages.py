@@ -9,8 +9,9 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
-WORKS_WITH = Path(__file__).parents[1] / "docs" / "works_with.md"
-"""The page whose blocks tests/ecosystem runs."""
+DOCS = Path(__file__).parents[1] / "docs"
+WORKS_WITH, DATASETS = DOCS / "works_with.md", DOCS / "datasets.md"
+"""The pages whose blocks tests/ecosystem runs."""
 
 
 class Block(NamedTuple):

@@ -21,7 +21,7 @@ from airhockey_env.opponents.players import NAMES
 from airhockey_env.parallel_env import AirHockeyParallelEnv
 from scripts.make_docs import pages
 from tests.helpers import IDS, ROOT, still_policy
-from tests.pages import WORKS_WITH, Block, blocks
+from tests.pages import DATASETS, WORKS_WITH, Block, blocks
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 EXTENDING = ROOT / "docs" / "extending.md"
@@ -50,7 +50,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     gymnasium.registry.update(registered)
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if page != WORKS_WITH], ids=lambda page: page.name)
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if page not in (DATASETS, WORKS_WITH)], ids=lambda page: page.name
+)
 def test_python_blocks_run(page: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     names: dict[str, object] = {"__name__": "example"}
     if page.name == "robot.md":

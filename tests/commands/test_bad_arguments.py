@@ -15,6 +15,11 @@ benchmark --json no/x.json
 benchmark --page none.md
 curves none
 curves
+clone
+clone none-v0 --epochs 0
+clone none-v0 --seed -1
+clone none-v0 --out policy.npy
+clone none-v0 --out none/policy.npz
 evaluate
 evaluate nobody
 evaluate idle --opponent nobody
@@ -67,6 +72,19 @@ ladder --action-delay-ms -1
 ladder --plot ladder.pdf
 ladder --plot none/ladder.png
 ladder --json none/ladder.json
+make_dataset --player nobody
+make_dataset --player striker
+make_dataset --opponent nobody
+make_dataset --steps 0
+make_dataset --steps 1000000000
+make_dataset --task juggle
+make_dataset --table billiards
+make_dataset --randomize worlds
+make_dataset --camera eagle
+make_dataset --action-delay-ms -1
+make_dataset --stack 65
+make_dataset --seed -1
+make_dataset --replays none.npz
 play --opponent nobody
 play --skill 1.5
 play --points 0

@@ -73,14 +73,15 @@ CONDITIONS = {"--table", "--randomize", "--camera", "--action-delay-ms", *PRESET
 
 
 @pytest.mark.parametrize(
-    "script", ["evaluate", "exploit", "export", "ladder", "play", "record_video", "robustness", "scorecard"]
+    "script",
+    ["evaluate", "exploit", "export", "ladder", "make_dataset", "play", "record_video", "robustness", "scorecard"],
 )
 def test_help_names_all_players(script: str, call: Call) -> None:
     words = [word.rstrip(".,:") for word in call(script, "--help").split()]
     assert {*OPPONENTS, "policy.npz", "model.zip", "--trust"} <= set(words)
 
 
-@pytest.mark.parametrize("script", ["evaluate", "ladder", "play", "record_video", "scorecard"])
+@pytest.mark.parametrize("script", ["evaluate", "ladder", "make_dataset", "play", "record_video", "scorecard"])
 def test_help_names_all_conditions(script: str, call: Call) -> None:
     assert set(CONDITIONS) <= {word.rstrip(".,:") for word in call(script, "--help").split()}
 
