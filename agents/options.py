@@ -89,6 +89,25 @@ Trust = Annotated[
 ]
 """Whether `load_player` may unpickle."""
 
+Workers = Annotated[
+    int | None,
+    tyro.conf.arg(
+        metavar="N",
+        help="Work in this many processes at once. Ray starts them, on this machine or on the cluster of --address. By "
+        "default, everything happens in one process, without Ray. See docs/cluster.md.",
+    ),
+]
+"""The number of worker processes; see `agents.cluster`."""
+
+Address = Annotated[
+    str | None,
+    tyro.conf.arg(
+        metavar="auto|HOST:PORT",
+        help="Use the Ray cluster at this address; auto is the one that this machine belongs to. By default, Ray is "
+        "started on this machine for this command alone.",
+    ),
+]
+
 JsonFile = Annotated[Path | None, tyro.conf.arg(metavar="FILE", help="Also write the results to this file, as JSON.")]
 """Where to write results, see `check_output`."""
 

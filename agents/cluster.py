@@ -1,0 +1,86 @@
+"""Ray: one of its own for a command, or a cluster that is there already. Needs the extra `distributed`."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+from collections.abc import Iterator
+from typing import Any
+
+from gymnasium.error import DependencyNotInstalled
+
+OWN = {
+    "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0",  # on every system: listen at 127.0.0.1 only
+    "RAY_AUTH_MODE": "token",
+    "GLOO_SOCKET_IFNAME": "lo",
+}
+"""Environment variables of a Ray that a command starts for itself."""
+
+ALWAYS = {
+    "RAY_USAGE_STATS_ENABLED": "0",  # Ray would report its use to its makers
+    "RAY_CHDIR_TO_TRIAL_DIR": "0",  # relative paths in options stay what they are
+    "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",  # what Ray will do from its next version on, without the warning
+}
+
+
+def import_ray(option: str = "--workers") -> Any:
+    """Import Ray.
+
+    Args:
+        option: the name of the option that needs it.
+
+    Raises:
+        gymnasium.error.DependencyNotInstalled: it is missing.
+    """
+    try:
+        import ray
+    except ImportError as error:
+        install = 'pip install -c constraints-distributed.txt -e ".[distributed]"'
+        raise DependencyNotInstalled(f"{option} needs Ray: {install}") from error
+    return ray
+
+
+@contextlib.contextmanager
+def connect(address: str | None, workers: int) -> Iterator[None]:
+    """Within this context, Ray can be used; it ends with it, and so does everything that was started on it.
+
+    Without an address, Ray starts here with `workers` processors. It then listens at 127.0.0.1 only, with a token that
+    nobody else knows, and has no dashboard. A Ray that this process uses already is used further.
+
+    Args:
+        address: of a running cluster: "auto" for the one on this machine, or HOST:PORT. None starts one.
+        workers: number of processors of a Ray that is started.
+
+    Raises:
+        gymnasium.error.DependencyNotInstalled: Ray is missing.
+        ValueError, ConnectionError: there is no cluster at the address.
+    """
+    environment = ALWAYS if address is not None else {**ALWAYS, **OWN, "RAY_AUTH_TOKEN": secrets.token_hex(32)}
+    before = {name: os.environ.get(name) for name in environment}
+    os.environ.update(environment)  # before Ray is imported, which reads them once
+    try:
+        ray = import_ray()
+        if ray.is_initialized():
+            yield
+            return
+        try:
+            if address is None:
+                ray.init("local", num_cpus=workers, include_dashboard=False, **_QUIET)
+            else:
+                ray.init(address, **_QUIET)
+        except (ConnectionError, ValueError, RuntimeError) as error:
+            raise ConnectionError(f"--address must be that of a running Ray cluster, got {address!r}: {error}") from error
+        try:
+            yield
+        finally:
+            ray.shutdown()
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+_QUIET: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}
