@@ -8,7 +8,6 @@ from typing import Annotated
 
 import tyro
 
-from agents.cluster import spread
 from agents.conditions import Conditions
 from agents.files import write_json
 from agents.measuring.evaluation import OPPONENTS, SOLO_TASKS, Result, play_points, play_task
@@ -29,6 +28,7 @@ from agents.options import (
     check_ranges,
     listed,
 )
+from agents.spread import spread
 from agents.training.report import print_results, print_task_result
 from airhockey_env.checks import check_choice
 from scripts._command import run_command

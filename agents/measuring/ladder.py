@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.cluster import spread
 from agents.conditions import EXACT, Conditions
 from agents.measuring.evaluation import OPPONENTS, Result, play_points
 from agents.models import Player, load_players
+from agents.spread import spread
 
 ELO = 400.0 / math.log(10.0)
 """Elo points for a factor of e in the odds: 400 points are odds of 10 to 1 (A. E. Elo, The Rating of Chessplayers)."""
@@ -98,7 +98,7 @@ def play_ladder(
     Args:
         players: by name, as `find_players` returns them.
         points, seed, conditions: as in `play_points`.
-        workers, address: see `agents.cluster.spread`. The results do not depend on them.
+        workers, address: see `agents.spread.spread`. The results do not depend on them.
     """
     play = partial(_play_match, players, points, seed, conditions)
     yield from spread(play, combinations(players, 2), workers, address)

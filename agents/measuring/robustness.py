@@ -13,11 +13,11 @@ from functools import partial
 from itertools import product
 from typing import Any
 
-from agents.cluster import spread
 from agents.conditions import EXACT, Conditions
 from agents.measuring.evaluation import Z_95, Result, play_points
 from agents.measuring.held_out import held_out_conditions
 from agents.models import Player
+from agents.spread import spread
 from airhockey_env.cameras import CAMERAS, ROBOT
 from airhockey_env.tables import CHALLENGE, FULL_SIZE, IDEAL, TABLES
 
@@ -138,7 +138,7 @@ def measure(
         opponent, points, seed: as in `play_points`.
         opponent_name: name of the opponent in the results.
         parts: some of `PARTS`.
-        workers, address: see `agents.cluster.spread`. The results do not depend on them.
+        workers, address: see `agents.spread.spread`. The results do not depend on them.
     """
     cells = [
         (part, name, player, conditions)
