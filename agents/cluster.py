@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import os
 import secrets
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -13,7 +15,8 @@ from gymnasium.error import DependencyNotInstalled
 OWN = {
     "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0",  # on every system: listen at 127.0.0.1 only
     "RAY_AUTH_MODE": "token",
-    "GLOO_SOCKET_IFNAME": "lo",
+    "GLOO_SOCKET_IFNAME": "lo0" if sys.platform == "darwin" else "lo",  # torch.distributed listens there
+    "RAY_worker_niceness": "0",  # as the command itself; Ray would give its workers 15
 }
 """Environment variables of a Ray that a command starts for itself."""
 
@@ -24,8 +27,11 @@ ALWAYS = {
 }
 
 
-def import_ray(option: str = "--workers") -> Any:
-    """Import Ray.
+_QUIET: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}
+
+
+def check_ray(option: str) -> None:
+    """Check that Ray is there, without importing it.
 
     Args:
         option: the name of the option that needs it.
@@ -33,12 +39,9 @@ def import_ray(option: str = "--workers") -> Any:
     Raises:
         gymnasium.error.DependencyNotInstalled: it is missing.
     """
-    try:
-        import ray
-    except ImportError as error:
+    if importlib.util.find_spec("ray") is None:
         install = 'pip install -c constraints-distributed.txt -e ".[distributed]"'
-        raise DependencyNotInstalled(f"{option} needs Ray: {install}") from error
-    return ray
+        raise DependencyNotInstalled(f"{option} needs Ray, in an environment of its own: {install}")
 
 
 @contextlib.contextmanager
@@ -60,7 +63,9 @@ def connect(address: str | None, workers: int) -> Iterator[None]:
     before = {name: os.environ.get(name) for name in environment}
     os.environ.update(environment)  # before Ray is imported, which reads them once
     try:
-        ray = import_ray()
+        check_ray("--workers")
+        import ray
+
         if ray.is_initialized():
             yield
             return
@@ -70,7 +75,11 @@ def connect(address: str | None, workers: int) -> Iterator[None]:
             else:
                 ray.init(address, **_QUIET)
         except (ConnectionError, ValueError, RuntimeError) as error:
-            raise ConnectionError(f"--address must be that of a running Ray cluster, got {address!r}: {error}") from error
+            if address is None:
+                raise ConnectionError(f"Ray could not be started: {error}") from error
+            raise ConnectionError(f"--address must be that of a running Ray cluster, got {address!r}: {error}") from (
+                error
+            )
         try:
             yield
         finally:
@@ -81,6 +90,3 @@ def connect(address: str | None, workers: int) -> Iterator[None]:
                 del os.environ[name]
             else:
                 os.environ[name] = value
-
-
-_QUIET: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}
