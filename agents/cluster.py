@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import os
 import secrets
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -14,7 +16,8 @@ OWN = {
     "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0",  # on every system: listen at 127.0.0.1 only
     "RAY_AUTH_MODE": "token",
     "RAY_AUTH_TOKEN": secrets.token_hex(32),  # the same for all, because Ray reads it once in a process
-    "GLOO_SOCKET_IFNAME": "lo",
+    "GLOO_SOCKET_IFNAME": "lo0" if sys.platform == "darwin" else "lo",  # torch.distributed listens there
+    "RAY_worker_niceness": "0",  # as the command itself; Ray would give its workers 15
 }
 """Environment variables of a Ray that a command starts for itself."""
 
@@ -25,8 +28,11 @@ ALWAYS = {
 }
 
 
-def import_ray(option: str = "--workers") -> Any:
-    """Import Ray.
+_QUIET: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}
+
+
+def check_ray(option: str) -> None:
+    """Check that Ray is there, without importing it.
 
     Args:
         option: the name of the option that needs it.
@@ -34,12 +40,9 @@ def import_ray(option: str = "--workers") -> Any:
     Raises:
         gymnasium.error.DependencyNotInstalled: it is missing.
     """
-    try:
-        import ray
-    except ImportError as error:
+    if importlib.util.find_spec("ray") is None:
         install = 'pip install -c constraints-distributed.txt -e ".[distributed]"'
-        raise DependencyNotInstalled(f"{option} needs Ray: {install}") from error
-    return ray
+        raise DependencyNotInstalled(f"{option} needs Ray, in an environment of its own: {install}")
 
 
 @contextlib.contextmanager
@@ -61,7 +64,9 @@ def connect(address: str | None, workers: int) -> Iterator[None]:
     before = {name: os.environ.get(name) for name in environment}
     os.environ.update(environment)  # before Ray is imported, which reads them once
     try:
-        ray = import_ray()
+        check_ray("--workers")
+        import ray
+
         if ray.is_initialized():
             yield
             return
@@ -71,9 +76,11 @@ def connect(address: str | None, workers: int) -> Iterator[None]:
             else:
                 ray.init(address, **_QUIET)
         except (ConnectionError, ValueError, RuntimeError) as error:
-            raise ConnectionError(
-                f"--address must be that of a running Ray cluster, got {address!r}: {error}"
-            ) from error
+            if address is None:
+                raise ConnectionError(f"Ray could not be started: {error}") from error
+            raise ConnectionError(f"--address must be that of a running Ray cluster, got {address!r}: {error}") from (
+                error
+            )
         try:
             yield
         finally:
@@ -84,6 +91,3 @@ def connect(address: str | None, workers: int) -> Iterator[None]:
                 del os.environ[name]
             else:
                 os.environ[name] = value
-
-
-_QUIET: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}

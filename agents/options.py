@@ -183,6 +183,10 @@ def not_default(args: Any) -> list[str]:
     return [field.name for field in dataclasses.fields(args) if getattr(args, field.name) != field.default]
 
 
+SESSION = ("resume", "steps", "workers", "address")
+"""The arguments that can be given when a run is resumed."""
+
+
 def check_resumed(given: Any, kept: Any) -> None:
     """Check that a run is resumed with its own arguments, because it would ignore others.
 
@@ -194,10 +198,11 @@ def check_resumed(given: Any, kept: Any) -> None:
         ValueError: an argument differs from the run's. The message names its option.
     """
     names = [field.name for field in dataclasses.fields(kept)]
-    others = [n for n in names if n not in ("resume", "steps") and getattr(given, n) != getattr(kept, n)]
+    others = [n for n in names if n not in SESSION and getattr(given, n) != getattr(kept, n)]
     if others:
         options = " ".join(map(option_name, others))
-        raise ValueError(f"--resume goes on with the run's own arguments and --steps alone, got {options}")
+        allowed = listed([option_name(name) for name in SESSION if name != "resume" and name in names], "and")
+        raise ValueError(f"--resume goes on with the run's own arguments and {allowed} alone, got {options}")
 
 
 def check_output(name: str, path: Path | None, suffix: str = "") -> None:

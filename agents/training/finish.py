@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from stable_baselines3.common.callbacks import BaseCallback
 
@@ -45,15 +44,3 @@ def complete(folder: RunFolder, args: TrainArgs) -> bool:
     assert args.steps is not None
     history = read_json(folder.evaluations, {"evaluations": [{"steps": COUNT}], "report": [{}]})
     return bool(history["report"]) and history["evaluations"][-1]["steps"] >= args.steps
-
-
-def last_evaluation(folder: RunFolder) -> dict[str, Any]:
-    """The last row of a run's evaluations.
-
-    Raises:
-        OSError, ValueError: evaluations.json is missing, damaged, or has no evaluation.
-    """
-    rows = read_json(folder.evaluations, {"evaluations": [{"steps": COUNT}]})["evaluations"]
-    if not rows:
-        raise ValueError(f"{folder.evaluations} has no evaluation")
-    return rows[-1]

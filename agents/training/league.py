@@ -7,12 +7,15 @@ scripted opponents would soon be too easy to be drawn, and the agent would forge
 
 The environment is exactly the same from both sides, so the agent learns on the left and its opponents play on the
 right.
+
+Several workers have one league: each holds a copy, and after every rollout they exchange the results of their points.
 """
 
 from __future__ import annotations
 
+import itertools
 import re
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +25,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from agents.files import COUNT, FILE, SHARE, TEXT, or_none, read_json, write_json
 from agents.models import export_policy
 from agents.seeding import sequence
+from agents.training import workers
 from airhockey_env.opponents.players import Player as Opponent
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
@@ -71,6 +75,8 @@ class League(BaseCallback):
         self.past: dict[int, MlpPolicy] = {}  # past selves by their number among the members
         self.due = 0  # steps at which the next copy joins
         self.random = np.random.default_rng(sequence("league", args.seed))
+        self._results: list[tuple[int, float, float]] = []  # since the last exchange: member's number, won, drawn
+        self._shared: list[Member] = []  # the members at the last exchange
 
     @property
     def pool(self) -> tuple[Opponent, ...]:
@@ -99,7 +105,8 @@ class League(BaseCallback):
         return self.random.choice(len(self.members), number, p=shares)
 
     def _on_training_start(self) -> None:
-        self.random = np.random.default_rng(sequence("league", self.args.seed, self.num_timesteps))
+        self.random = np.random.default_rng(sequence("league", self.args.seed, self.num_timesteps, *workers.part()))
+        self._remember()
         self.tables.set_opponents(self.draw(self.tables.num_envs))
 
     def _on_rollout_start(self) -> None:
@@ -108,6 +115,7 @@ class League(BaseCallback):
         if self.num_timesteps >= self.due:
             self.due = self.num_timesteps + self.args.snapshot_every
             self.take_in(f"self at {self.num_timesteps}", latest)
+            self._remember()
         self.logger.record("league/drawn", float(np.mean([member.drawn for member in self.members])))
         self.logger.record("league/won", float(np.mean([member.won for member in self.members])))
 
@@ -118,9 +126,29 @@ class League(BaseCallback):
             for row, number in zip(rows, numbers, strict=True):
                 info = self.locals["infos"][row]
                 drawn = info["TimeLimit.truncated"]
-                self.members[number].record(0.5 if drawn else float(info["is_success"]), float(drawn))
+                result = (int(number), 0.5 if drawn else float(info["is_success"]), float(drawn))
+                self._results.append(result)
+                self.members[number].record(*result[1:])
             self.tables.set_opponents(self.draw(len(rows)), rows)
         return True
+
+    def _on_rollout_end(self) -> None:
+        self._exchange()
+
+    def _on_training_end(self) -> None:
+        self._exchange()
+
+    def _exchange(self) -> None:
+        """Take up the results of all workers in one order, so that all have the same records."""
+        if workers.number() > 1:
+            results = workers.gather(self._results)
+            self.members = self._shared
+            for number, won, drawn in itertools.chain.from_iterable(results):
+                self.members[number].record(won, drawn)
+        self._remember()
+
+    def _remember(self) -> None:
+        self._results, self._shared = [], [replace(member) for member in self.members]
 
     def take_in(self, name: str, policy: MlpPolicy) -> None:
         """Add a copy of the agent. If the league is full, it replaces the weakest past self."""
