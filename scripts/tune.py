@@ -22,8 +22,8 @@ COMMAND_HELP = (
     "options that are searched are overridden."
 )
 SPACE_HELP = (
-    f"Try what this file says, {FIELD_FILE_HELP} hyperparameters with the arguments of an Optuna distribution each. The "
-    "default is agents/hyperparams/search/ALGORITHM.yml."
+    f"Try what this file says, {FIELD_FILE_HELP} hyperparameters with the arguments of an Optuna distribution each. "
+    "The default is agents/hyperparams/search/ALGORITHM.yml."
 )
 
 
@@ -73,7 +73,8 @@ def tune(args: TuneArgs) -> None:
     with search.folder.locked(new=True):
         study = open_study(search)
         stopped, errors = False, []
-        with tqdm(total=args.trials, initial=0, unit="trial", desc="tune", disable=None) as bar:
+        ended = sum(trial.state.is_finished() for trial in study.trials)
+        with tqdm(total=args.trials, initial=ended, unit="trial", desc="tune", disable=None) as bar:
             try:
                 for outcome in run_trials(search, study, args.trials, args.workers, args.address):
                     bar.update()

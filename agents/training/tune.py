@@ -199,10 +199,10 @@ def open_study(search: Search) -> Study:
         # Half of the steps may be shooting practice, whose success says little about points.
         pruner=optuna.pruners.MedianPruner(n_startup_trials=STARTUP_TRIALS, n_warmup_steps=evaluations(search) // 2),
     )
-    what = {"command": search.command, "args": str(search.args), "space": str(search.space)}
+    what = {"command and options": f"{search.command} {search.args}", "hyperparameters": str(search.space)}
     for name, value in what.items():
         if study.user_attrs.setdefault(name, value) != value:
-            raise ValueError(f"{search.folder.path} searches with another {name}: choose another --name")
+            raise ValueError(f"{search.folder.path} is a search whose {name} are different: choose another --name")
         if not study.trials:
             study.set_user_attr(name, value)
     study.sampler = optuna.samplers.TPESampler(seed=search.seed + len(study.trials))
