@@ -167,6 +167,17 @@ def check_ranges(args: Any, **ranges: tuple[float, float]) -> None:
             check_number(option_name(field), getattr(args, field), least, min(greatest, float(MOST)))
 
 
+def check_cluster(args: Any) -> None:
+    """Check --workers and --address of an arguments record.
+
+    Raises:
+        ValueError: the number of workers is out of range, or there is an address without one.
+    """
+    check_ranges(args, workers=(1, 10_000))
+    if args.address is not None and args.workers is None:
+        raise ValueError(f"--address goes with --workers, got --address {args.address} alone")
+
+
 def not_default(args: Any) -> list[str]:
     """Names of the fields of a dataclass of arguments that differ from their defaults."""
     return [field.name for field in dataclasses.fields(args) if getattr(args, field.name) != field.default]

@@ -7,12 +7,14 @@ import json
 import os
 import pickle
 import signal
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from gymnasium.error import DependencyNotInstalled
 from stable_baselines3.common.callbacks import BaseCallback
 from torch import distributed, multiprocessing
 
@@ -199,13 +201,21 @@ def test_shares() -> None:
     [({"workers": 0}, "--workers must be"), ({"workers": 3}, "--num-envs must be a multiple of --workers 3"),
      ({"workers": 3, "num_envs": 6}, "--batch-size must be a multiple of --workers 3"),
      ({"workers": 2, "batch_size": 2}, "--batch-size must be a multiple of --workers 2, at least 4"),
-     ({"address": "auto"}, "--address needs --workers")],
+     ({"address": "auto"}, "--address goes with --workers")],
 )  # fmt: skip
 def test_options(given: dict[str, Any], named: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(ppo, "check_ray", lambda option: None)
     with pytest.raises(ValueError, match=named):
         train(PpoArgs(**given))
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_ray_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(DependencyNotInstalled, match=r"--workers .*\[distributed\]"):
+        train(PpoArgs(workers=2))
     assert not list(tmp_path.iterdir())
 
 
