@@ -6,7 +6,10 @@ import contextlib
 import importlib.util
 import os
 import secrets
+import signal
+import socket
 import sys
+import threading
 from collections.abc import Iterator
 from typing import Any
 
@@ -27,6 +30,9 @@ ALWAYS = {
     "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",  # what Ray will do from its next version on, without the warning
 }
 
+
+CONNECT_SECONDS = 10
+"""Seconds in which a cluster has to answer."""
 
 _QUIET: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}
 
@@ -58,7 +64,7 @@ def connect(address: str | None, workers: int) -> Iterator[None]:
 
     Raises:
         gymnasium.error.DependencyNotInstalled: Ray is missing.
-        ValueError, ConnectionError: there is no cluster at the address.
+        ConnectionError: there is no cluster at the address.
     """
     environment = ALWAYS if address is not None else {**ALWAYS, **OWN}
     before = {name: os.environ.get(name) for name in environment}
@@ -70,17 +76,11 @@ def connect(address: str | None, workers: int) -> Iterator[None]:
         if ray.is_initialized():
             yield
             return
-        try:
+        with _own_signals():
             if address is None:
                 ray.init("local", num_cpus=workers, include_dashboard=False, **_QUIET)
             else:
-                ray.init(address, **_QUIET)
-        except (ConnectionError, ValueError, RuntimeError) as error:
-            if address is None:
-                raise ConnectionError(f"Ray could not be started: {error}") from error
-            raise ConnectionError(f"--address must be that of a running Ray cluster, got {address!r}: {error}") from (
-                error
-            )
+                _join(address)
         try:
             yield
         finally:
@@ -91,3 +91,27 @@ def connect(address: str | None, workers: int) -> Iterator[None]:
                 del os.environ[name]
             else:
                 os.environ[name] = value
+
+
+def _join(address: str) -> None:
+    import ray
+
+    try:
+        if address != "auto":  # Ray would try for minutes
+            host, _, port = address.rpartition(":")
+            socket.create_connection((host, int(port)), CONNECT_SECONDS).close()
+        ray.init(address, **_QUIET)
+    except (OSError, ValueError, RuntimeError) as error:
+        wanted = "auto or HOST:PORT of a running Ray cluster"
+        raise ConnectionError(f"--address must be {wanted}, got {address!r}: {error}") from error
+
+
+@contextlib.contextmanager
+def _own_signals() -> Iterator[None]:
+    """Keep the handler of SIGTERM, which Ray would replace by one that ends the process."""
+    handler = signal.getsignal(signal.SIGTERM)
+    try:
+        yield
+    finally:
+        if threading.current_thread() is threading.main_thread() and handler is not None:
+            signal.signal(signal.SIGTERM, handler)

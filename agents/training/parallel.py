@@ -220,10 +220,20 @@ def _work(recipe: Recipe, args: ppo.PpoArgs, current: str, path: str, owner: str
     stop, line = Stop(), Line(messages, printed)
     with contextlib.redirect_stdout(printed) if workers.rank() == 0 else contextlib.nullcontext():
         learn_phases(run, [], stop, [workers.Together(stop, line)])
+        _compare_weights(run)
     run.save()
     if workers.rank() == 0:
         line(run.model.num_timesteps)
         ray.get(messages.end.remote())
+
+
+def _compare_weights(run: Run) -> None:
+    """Say whether all workers hold the same weights."""
+    hashes = workers.gather(workers.weights_hash(run.model))
+    if len(set(hashes)) == 1:
+        print(f"All {len(hashes)} workers hold the same weights, to the bit (SHA-256 {hashes[0]}).")
+    else:
+        print("The workers' weights differ, as processors of several kinds round them. Those of worker 0 are kept.")
 
 
 def _shared_folder(current: str, path: str, owner: str) -> RunFolder:

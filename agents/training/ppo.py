@@ -21,7 +21,7 @@ from agents.features import RelativeFeatures
 from agents.files import COUNT, POSITIVE, SHARE, TEXT, or_none
 from agents.measuring.evaluation import OPPONENTS, Result, play_points
 from agents.models import export_policy, short_name
-from agents.options import Address, Count, OptionalCount, Workers, check_ranges
+from agents.options import Address, Count, OptionalCount, Workers, check_cluster, check_ranges
 from agents.training import workers
 from agents.training.league import League
 from agents.training.learning import Falling
@@ -117,7 +117,6 @@ def resolve(args: Args) -> Args:
         args, warmup_steps=(0, most), warmup_success=(0, 1), num_envs=(1, most), n_steps=(2, most),
         batch_size=(2, most), n_epochs=(1, most), learning_rate=(0, 1), gamma=(0, 1), gae_lambda=(0, 1),
         clip_range=(0, 10), ent_coef=(0, 10), sde_sample_freq=(0, most), log_std_init=(-20, 2), net_width=(1, most),
-        workers=(1, 10_000),
     )  # fmt: skip
     check_workers(args)
     args = with_conditions(args)
@@ -130,11 +129,10 @@ def check_workers(args: PpoArgs) -> None:
     """Check that the workers can have equal shares of the tables and of the samples of a gradient step.
 
     Raises:
-        ValueError: they cannot, or there is an address without workers.
+        ValueError: they cannot. See `check_cluster` too.
         gymnasium.error.DependencyNotInstalled: there are workers, and Ray is missing.
     """
-    if args.workers is None and args.address is not None:
-        raise ValueError(f"--address needs --workers N, the number of workers on that cluster; got {args.address!r}")
+    check_cluster(args)
     if args.workers is not None:
         check_ray("--workers")
     number = args.workers or 1

@@ -100,7 +100,7 @@ class Together(BaseCallback):
     def __init__(self, stop: Stop, signals: Callable[[int], list[int]]) -> None:
         super().__init__()
         self.stop, self.signals = stop, signals
-        self.waited = 0.0  # seconds in averaging since the last rollout
+        self.waited = 0.0  # seconds since the last rollout in which gradients were on their way
         self._limit = math.inf
         self._since = time.perf_counter()
 
@@ -116,10 +116,11 @@ class Together(BaseCallback):
         return True
 
     def _on_rollout_end(self) -> None:
-        arrived = self.signals(self.num_timesteps) if rank() == 0 else []
+        arrived = self.signals(self.model.num_timesteps) if rank() == 0 else []
         self.stop.asked[:] = gather(arrived)[0]
         now = time.perf_counter()
-        self.logger.record("time/averaging", self.waited / (now - self._since))
+        if self.waited:
+            self.logger.record("time/averaging", self.waited / (now - self._since))
         self.waited, self._since = 0.0, now
         self._limit, self.model.max_grad_norm = self.model.max_grad_norm, math.inf  # type: ignore[attr-defined]
 
