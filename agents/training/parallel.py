@@ -11,14 +11,13 @@ import io
 import os
 import platform
 import tempfile
-import threading
 import traceback
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 
-from agents.cluster import connect
+from agents.cluster import ALWAYS, connect
 from agents.training import checkpoints, ppo, workers
 from agents.training.recipe import Recipe, TrainArgs
 from agents.training.run import Run, learn_phases
@@ -46,16 +45,42 @@ def connected(args: TrainArgs) -> contextlib.AbstractContextManager[None]:
     return connect(args.address, args.workers * args.threads)
 
 
-class Messages:
-    """What the command's process and worker 0 tell each other: an actor of Ray."""
+class Post:
+    """What stands between the command's process and worker 0: an actor of Ray, in which Ray Train runs.
+
+    Each of the two asks it for what the other has left there.
+    """
 
     def __init__(self) -> None:
-        self.asked: list[int] = []
-        self.printed: list[str] = []
-        self.steps = 0
-        self.working = False
-        self.error: Exception | None = None
+        self._asked: list[int] = []
+        self._printed: list[str] = []
+        self._steps = 0
+        self._working = False
+        self._error: Exception | None = None
         self._starts: list[int] = []
+
+    def fit(self, job: Job) -> None:
+        """Start the workers, again whenever some are lost, and wait until they have trained."""
+        os.environ.update(ALWAYS)
+        import ray
+        from ray.train import FailureConfig, RunConfig, ScalingConfig
+        from ray.train.torch import TorchTrainer
+
+        from agents.training.ray_parts import Losses, torch_config
+
+        post = ray.get_runtime_context().current_actor
+        TorchTrainer(
+            work,
+            train_loop_config={"job": job, "post": post},
+            torch_config=torch_config(job.storage if job.local else None, TIMEOUT),
+            scaling_config=ScalingConfig(num_workers=job.workers, resources_per_worker={"CPU": job.args.threads}),
+            run_config=RunConfig(
+                name="train",
+                storage_path=job.storage,  # of checkpoints in Ray's own way; here the folder of the run has them
+                failure_config=FailureConfig(max_failures=-1),
+                callbacks=[Losses(post)],
+            ),
+        ).fit()
 
     def begin(self, steps: int) -> None:
         """Worker 0 begins at a checkpoint of so many steps.
@@ -66,39 +91,47 @@ class Messages:
         self._starts.append(steps)
         if self._starts[-MOST_STARTS - 1 :] == [steps] * (MOST_STARTS + 1):
             raise RuntimeError(f"workers were lost {MOST_STARTS} times after the checkpoint at {steps:,} steps")
-        self.working, self.steps = True, steps
+        self._working, self._steps = True, steps
 
     def tell(self, steps: int, printed: str) -> list[int]:
         """Worker 0 has played so many steps and printed this. Return the signals that have arrived."""
-        self.steps = steps
-        if printed:
-            self.printed.append(printed)
-        return self.asked
-
-    def end(self) -> None:
-        """All is saved."""
-        self.working = False
+        self._steps = steps
+        self._printed += [printed] if printed else []
+        return self._asked
 
     def lose(self, ranks: list[int]) -> None:
         """These workers were lost, some of them because others were."""
-        self.working = False
-        if self.error is None:
+        self._working = False
+        if self._error is None:
             numbers = ", ".join(map(str, ranks))
-            self.printed.append(f"Ray has lost workers ({numbers}); it starts them again from the last checkpoint.\n")
+            self._printed.append(f"Ray has lost workers ({numbers}); it starts them again from the last checkpoint.\n")
 
     def fail(self, error: Exception) -> None:
         """A worker cannot go on."""
-        self.error, self.working = self.error or error, False
+        self._error = self._error or error
 
     def failed(self) -> bool:
         """Whether a worker has said that it cannot go on."""
-        return self.error is not None
+        return self._error is not None
 
     def look(self, asked: list[int]) -> tuple[bool, int, list[str], Exception | None]:
-        """These signals have arrived. Return whether workers train, their steps, what they printed, and an error."""
-        self.asked = asked
-        printed, self.printed = self.printed, []
-        return self.working, self.steps, printed, self.error
+        """These signals have arrived. Return whether workers train, their steps, their prints, and an error."""
+        self._asked = asked
+        printed, self._printed = self._printed, []
+        return self._working, self._steps, printed, self._error
+
+
+class Job(NamedTuple):
+    """What the workers need to know of a run."""
+
+    recipe: Recipe
+    args: ppo.PpoArgs  # of one worker
+    workers: int
+    local: bool  # whether Ray is on this machine alone
+    current: str  # the folder that the command was started in
+    folder: str  # that of the run
+    owner: str  # see `RunFolder.owner`
+    storage: str  # a folder for Ray's own files
 
 
 def learn(run: Run, stop: Stop) -> None:
@@ -114,66 +147,31 @@ def learn(run: Run, stop: Stop) -> None:
     args = run.args
     assert isinstance(args, ppo.PpoArgs) and args.workers is not None
     here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=False)
-    messages = ray.remote(num_cpus=0, scheduling_strategy=here)(Messages).remote()
-    processors = int(ray.cluster_resources().get("CPU", 0))
-    if processors < args.workers * args.threads:
-        print(f"Training begins when the cluster has {args.workers * args.threads} processors; it has {processors}.")
-    errors: list[BaseException] = []
-    with tempfile.TemporaryDirectory() as storage:
-        thread = threading.Thread(target=_fit, args=(_trainer(run, messages, storage), errors), daemon=True)
-        thread.start()
-        done = run.model.num_timesteps
-        with tqdm(total=run.steps, initial=min(done, run.steps), unit="step", unit_scale=True, disable=None) as bar:
-            ended = False
-            while not ended:
-                thread.join(POLL)
-                ended = not thread.is_alive()
-                working, steps, printed, error = ray.get(messages.look.remote(list(stop.asked)))
-                for text in printed:
-                    bar.write(text, end="")
-                bar.update(min(steps, bar.total) - bar.n)
-                ended = ended or (bool(stop.asked) and not working)  # then nothing has been learned since
-    if error is not None:
-        raise error
-    if errors:
-        raise RuntimeError(f"Ray Train has failed; {run.folder.path} has its last checkpoint") from errors[0]
-
-
-def _fit(trainer: Any, errors: list[BaseException]) -> None:
-    try:
-        trainer.fit()
-    except Exception as error:
-        errors.append(error)
-
-
-def _trainer(run: Run, messages: Any, storage: str) -> Any:
-    """Ray's trainer for a run."""
-    from ray.train import FailureConfig, RunConfig, ScalingConfig
-    from ray.train.torch import TorchTrainer
-
-    from agents.training.ray_parts import Losses, torch_config
-
-    args = run.args
-    assert isinstance(args, ppo.PpoArgs) and args.workers is not None
-    return TorchTrainer(
-        work,
-        train_loop_config={
-            "recipe": run.recipe,
-            "args": ppo.share_of_worker(args),
-            "current": os.getcwd(),
-            "folder": str(run.folder.path.absolute()),
-            "owner": run.folder.owner(),
-            "messages": messages,
-        },
-        torch_config=torch_config(None if args.address else storage, TIMEOUT),
-        scaling_config=ScalingConfig(num_workers=args.workers, resources_per_worker={"CPU": args.threads}),
-        run_config=RunConfig(
-            name="train",
-            storage_path=storage,  # of Ray Train's own checkpoints, which nobody makes: the run's folder has them
-            failure_config=FailureConfig(max_failures=-1),
-            callbacks=[Losses(messages)],
-        ),
-    )
+    post = ray.remote(num_cpus=0, max_concurrency=4, scheduling_strategy=here)(Post).remote()
+    processors, wanted = int(ray.cluster_resources().get("CPU", 0)), args.workers * args.threads
+    if processors < wanted:
+        print(f"Training begins when the cluster has {wanted} processors; it has {processors}.")
+    done = min(run.model.num_timesteps, run.steps)
+    with (
+        tempfile.TemporaryDirectory() as storage,
+        tqdm(total=run.steps, initial=done, unit="step", unit_scale=True, disable=None) as bar,
+    ):
+        local, path = args.address is None, run.folder.path.absolute()
+        share = ppo.share_of_worker(args)
+        job = Job(run.recipe, share, args.workers, local, os.getcwd(), str(path), run.folder.owner(), storage)
+        fit = post.fit.remote(job)
+        ended = False
+        while not ended:
+            ended = bool(ray.wait([fit], timeout=POLL)[0])
+            working, steps, printed, error = ray.get(post.look.remote(list(stop.asked)))
+            for text in printed:
+                bar.write(text, end="")
+            bar.update(max(done, min(steps, bar.total)) - bar.n)
+            if stop.asked and not working:
+                return  # the last checkpoint has everything
+        if error is not None:
+            raise error
+        ray.get(fit)
 
 
 def work(config: dict[str, Any]) -> None:
@@ -184,15 +182,15 @@ def work(config: dict[str, Any]) -> None:
     """
     import ray
 
-    messages = config["messages"]
-    if ray.get(messages.failed.remote()):
+    post = config["post"]
+    if ray.get(post.failed.remote()):
         return
     try:
-        _work(config["recipe"], config["args"], config["current"], config["folder"], config["owner"], messages)
+        _work(config["job"], post)
     except workers.WorkerLost:
         raise
     except Exception as error:
-        ray.get(messages.fail.remote(_plain(error)))
+        ray.get(post.fail.remote(_plain(error)))
         raise
 
 
@@ -203,28 +201,28 @@ def _plain(error: Exception) -> Exception:
     return RuntimeError("".join(traceback.format_exception(error)))
 
 
-def _work(recipe: Recipe, args: ppo.PpoArgs, current: str, path: str, owner: str, messages: Any) -> None:
+def _work(job: Job, post: Any) -> None:
     import ray
 
-    folder = _shared_folder(current, path, owner)
-    torch.set_num_threads(args.threads)
-    setup = recipe.build(args, False)
-    history = checkpoints.load(folder, setup, recipe.evaluation)
-    run = Run(recipe, folder, args, setup, history, owner)
+    folder = _shared_folder(job)
+    torch.set_num_threads(job.args.threads)
+    setup = job.recipe.build(job.args, False)
+    history = checkpoints.load(folder, setup, job.recipe.evaluation)
+    run = Run(job.recipe, folder, job.args, setup, history, job.owner)
     begun = workers.gather((run.model.num_timesteps, workers.weights_hash(run.model)))
     if len(set(begun)) > 1:
-        raise ValueError(f"{path} must be the same folder on all nodes; workers have read different checkpoints in it")
+        raise ValueError(f"{folder.path} must be the same folder on all nodes; workers have read different checkpoints")
     if workers.rank() == 0:
-        ray.get(messages.begin.remote(run.model.num_timesteps))
+        ray.get(post.begin.remote(run.model.num_timesteps))
     printed = io.StringIO()
-    stop, line = Stop(), Line(messages, printed)
+    stop, line = Stop(), Line(post, printed)
     with contextlib.redirect_stdout(printed) if workers.rank() == 0 else contextlib.nullcontext():
         learn_phases(run, [], stop, [workers.Together(stop, line)])
         _compare_weights(run)
     run.save()
     if workers.rank() == 0:
         line(run.model.num_timesteps)
-        ray.get(messages.end.remote())
+        line.wait()
 
 
 def _compare_weights(run: Run) -> None:
@@ -236,41 +234,45 @@ def _compare_weights(run: Run) -> None:
         print("The workers' weights differ, as processors of several kinds round them. Those of worker 0 are kept.")
 
 
-def _shared_folder(current: str, path: str, owner: str) -> RunFolder:
+def _shared_folder(job: Job) -> RunFolder:
     """Go to the folder that the command was started in, and find the folder of the run.
 
     Raises:
         FileNotFoundError: they are not there, or it is another folder that happens to have this path.
     """
     with contextlib.suppress(OSError):
-        os.chdir(current)
-        folder = RunFolder(Path(path))
-        if folder.config.is_file() and folder.owner() == owner:
+        os.chdir(job.current)
+        folder = RunFolder(Path(job.folder))
+        if folder.config.is_file() and folder.owner() == job.owner:
             return folder
     raise FileNotFoundError(
-        f"{path} must be on a file system that all nodes of the cluster share, at the same path; it is not there on "
-        f"{platform.node()}"
+        f"{job.folder} must be on a file system that all nodes of the cluster share, at the same path; it is not there "
+        f"on {platform.node()}"
     )
 
 
 class Line:
-    """Worker 0's connection to the command: a function for `Together` that never waits for an answer to come.
+    """Worker 0's connection to the command: a function for `Together`, which does not wait for the answer.
 
     Args:
-        messages: the actor.
+        post: the actor.
         printed: what is in it is passed on and removed.
     """
 
-    def __init__(self, messages: Any, printed: io.StringIO) -> None:
-        self.messages, self.printed = messages, printed
+    def __init__(self, post: Any, printed: io.StringIO) -> None:
+        self.post, self.printed = post, printed
         self._answer: Any = None
 
     def __call__(self, steps: int) -> list[int]:
         """Tell the number of steps, and return the signals that had arrived when it was called before."""
-        import ray
-
-        arrived = [] if self._answer is None else ray.get(self._answer)
-        self._answer = self.messages.tell.remote(steps, self.printed.getvalue())
+        arrived = self.wait()
+        self._answer = self.post.tell.remote(steps, self.printed.getvalue())
         self.printed.seek(0)
         self.printed.truncate()
         return arrived
+
+    def wait(self) -> list[int]:
+        """Wait for the answer to the last call, and return it."""
+        import ray
+
+        return [] if self._answer is None else ray.get(self._answer)

@@ -52,8 +52,8 @@ def _join(config: TorchConfig, file: Path, rank: int, size: int) -> None:
 class Losses(UserCallback):
     """Tells the command when workers are lost. It is called in the process that controls them."""
 
-    def __init__(self, messages: Any) -> None:
-        self.messages = messages
+    def __init__(self, post: Any) -> None:
+        self.post = post
 
     def after_exception(self, run_context: Any, worker_exceptions: dict[int, Exception]) -> None:
-        ray.get(self.messages.lose.remote(sorted(worker_exceptions)))
+        ray.get(self.post.lose.remote(sorted(worker_exceptions)))

@@ -138,7 +138,8 @@ class Together(BaseCallback):
         gradients = [weight.grad for weight in weights if weight.grad is not None]
         flat = torch.cat([gradient.flatten() for gradient in gradients])
         begun = time.perf_counter()
-        _together(lambda: distributed.all_reduce(flat))
+        if number() > 1:
+            _together(lambda: distributed.all_reduce(flat))
         self.waited += time.perf_counter() - begun
         flat /= number()
         for gradient, averaged in zip(gradients, flat.split([gradient.numel() for gradient in gradients]), strict=True):

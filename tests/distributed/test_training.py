@@ -145,11 +145,12 @@ def checkpoint() -> int:
 
 
 def processes() -> set[int]:
-    """The processes of the workers: those of Ray in the current folder."""
+    """The processes of the workers, which are in the current folder."""
     found = set()
     for folder in Path("/proc").glob("[0-9]*"):
         try:
-            if (folder / "cwd").readlink() == Path.cwd() and (folder / "cmdline").read_bytes().startswith(b"ray::"):
+            name = (folder / "cmdline").read_bytes()
+            if name.startswith(b"ray::RayTrainWorker") and (folder / "cwd").readlink() == Path.cwd():
                 found.add(int(folder.name))
         except OSError:  # it has ended
             continue
