@@ -89,6 +89,25 @@ Trust = Annotated[
 ]
 """Whether `load_player` may unpickle."""
 
+Workers = Annotated[
+    int | None,
+    tyro.conf.arg(
+        metavar="N",
+        help="Work in this many processes at once. Ray starts them, on this machine or on the cluster of --address. By "
+        "default, everything happens in one process, without Ray. See docs/cluster.md.",
+    ),
+]
+"""The number of worker processes; see `agents.cluster`."""
+
+Address = Annotated[
+    str | None,
+    tyro.conf.arg(
+        metavar="auto|HOST:PORT",
+        help="Use the Ray cluster at this address; auto is the one that this machine belongs to. By default, Ray is "
+        "started on this machine for this command alone.",
+    ),
+]
+
 JsonFile = Annotated[Path | None, tyro.conf.arg(metavar="FILE", help="Also write the results to this file, as JSON.")]
 """Where to write results, see `check_output`."""
 
@@ -148,9 +167,24 @@ def check_ranges(args: Any, **ranges: tuple[float, float]) -> None:
             check_number(option_name(field), getattr(args, field), least, min(greatest, float(MOST)))
 
 
+def check_cluster(args: Any) -> None:
+    """Check --workers and --address of an arguments record.
+
+    Raises:
+        ValueError: the number of workers is out of range, or there is an address without one.
+    """
+    check_ranges(args, workers=(1, 10_000))
+    if args.address is not None and args.workers is None:
+        raise ValueError(f"--address goes with --workers, got --address {args.address} alone")
+
+
 def not_default(args: Any) -> list[str]:
     """Names of the fields of a dataclass of arguments that differ from their defaults."""
     return [field.name for field in dataclasses.fields(args) if getattr(args, field.name) != field.default]
+
+
+SESSION = ("resume", "steps", "workers", "address")
+"""The arguments that can be given when a run is resumed."""
 
 
 def check_resumed(given: Any, kept: Any) -> None:
@@ -164,10 +198,11 @@ def check_resumed(given: Any, kept: Any) -> None:
         ValueError: an argument differs from the run's. The message names its option.
     """
     names = [field.name for field in dataclasses.fields(kept)]
-    others = [n for n in names if n not in ("resume", "steps") and getattr(given, n) != getattr(kept, n)]
+    others = [n for n in names if n not in SESSION and getattr(given, n) != getattr(kept, n)]
     if others:
         options = " ".join(map(option_name, others))
-        raise ValueError(f"--resume goes on with the run's own arguments and --steps alone, got {options}")
+        allowed = listed([option_name(name) for name in SESSION if name != "resume" and name in names], "and")
+        raise ValueError(f"--resume goes on with the run's own arguments and {allowed} alone, got {options}")
 
 
 def check_device(name: str) -> None:

@@ -1,4 +1,4 @@
-"""Independent random streams for every purpose, every seed and every session of a resumed run.
+"""Independent random streams for every purpose, every seed, every session of a resumed run and every worker.
 
 By Gymnasium's convention, which the environments follow, environment i of a batch gets the seed `seed + i`. Batches of
 512 environments with seeds 0 and 1 therefore share 511 streams. Training runs are compared across seeds and need

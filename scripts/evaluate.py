@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated
 
 import tyro
 
 from agents.conditions import Conditions
 from agents.files import write_json
-from agents.measuring.evaluation import OPPONENTS, SOLO_TASKS, play_points, play_task
-from agents.models import load_player, short_name
+from agents.measuring.evaluation import OPPONENTS, SOLO_TASKS, Result, play_points, play_task
+from agents.models import Player, load_player, short_name
 from agents.options import (
     PLAYER_HELP,
+    Address,
     CameraOption,
     Count,
     DelayOption,
@@ -20,10 +22,13 @@ from agents.options import (
     RandomizeOption,
     TableOption,
     Trust,
+    Workers,
+    check_cluster,
     check_output,
     check_ranges,
     listed,
 )
+from agents.spread import spread
 from agents.training.report import print_results, print_task_result
 from airhockey_env.checks import check_choice
 from scripts._command import run_command
@@ -37,7 +42,8 @@ MODEL_HELP = f"Evaluate this player. {PLAYER_HELP}"
 class EvaluateArgs:
     """Measure how well a player does against others, or in a task that has no opponent.
 
-    It plays half of the points on each side of the table. The opponents see exact states.
+    It plays half of the points on each side of the table. The opponents see exact states. With --workers, the points
+    against each opponent are a task of their own.
     """
 
     model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL", help=MODEL_HELP)]
@@ -55,6 +61,8 @@ class EvaluateArgs:
     seed: int = 0
     """Draw the serves from this seed."""
     trust: Trust = False
+    workers: Workers = None
+    address: Address = None
     json: JsonFile = None
 
 
@@ -65,11 +73,14 @@ def evaluate(args: EvaluateArgs) -> None:
         ValueError, OSError: an argument does not fit.
     """
     check_ranges(args, episodes=(1, 10**8), opponent_skill=(0, 1), seed=(0, 10**9))
+    check_cluster(args)
     check_output("json", args.json)
     conditions = Conditions.of_options(args)
     check_choice("--task", args.task, TASKS)
     if args.task != "point" and (args.opponent != "all" or args.opponent_skill != 1.0):
         raise ValueError(f"--opponent and --opponent-skill do not go with --task {args.task}, which has no opponent")
+    if args.task != "point" and args.workers is not None:
+        raise ValueError(f"--workers does not go with --task {args.task}, which is one task, got {args.workers}")
     kept = {"conditions": conditions.as_dict(), "seed": args.seed}
     player = load_player(args.model, trust=args.trust)
     if args.task != "point":
@@ -79,21 +90,27 @@ def evaluate(args: EvaluateArgs) -> None:
             write_json(args.json, {"model": args.model, **kept, "results": [result.as_dict()]})
         return
     names = OPPONENTS if args.opponent == "all" else (args.opponent,)
-    results = [
-        play_points(
-            player,
-            load_player(name, "--opponent", trust=args.trust),
-            args.episodes,
-            name=short_name(name),
-            seed=args.seed,
-            opponent_skill=args.opponent_skill,
-            conditions=conditions,
-        )
-        for name in names
-    ]
+    opponents = {short_name(name): load_player(name, "--opponent", trust=args.trust) for name in names}
+    play = partial(play_against, args, conditions, player)
+    numbered = dict(spread(play, opponents.items(), args.workers, args.address))
+    results = [numbered[number] for number in range(len(opponents))]
     print_results(results)
     if args.json is not None:
         write_json(args.json, {"model": args.model, **kept, "results": [result.as_dict() for result in results]})
+
+
+def play_against(args: EvaluateArgs, conditions: Conditions, player: Player, opponent: tuple[str, Player]) -> Result:
+    """Play the points against one opponent, given by its name in the results and the player."""
+    name, other = opponent
+    return play_points(
+        player,
+        other,
+        args.episodes,
+        name=name,
+        seed=args.seed,
+        opponent_skill=args.opponent_skill,
+        conditions=conditions,
+    )
 
 
 def main() -> None:

@@ -9,10 +9,11 @@ import tyro
 
 from agents.conditions import Conditions, in_words
 from agents.files import write_json
-from agents.measuring.ladder import ANCHOR, ANCHOR_RATING, PRIOR, find_players, play_ladder, rate
+from agents.measuring.ladder import ANCHOR, ANCHOR_RATING, PRIOR, Match, find_players, play_ladder, rate
 from agents.measuring.ladder_report import draw_ladder, print_ladder
 from agents.options import (
     PLAYER_HELP,
+    Address,
     CameraOption,
     Count,
     DelayOption,
@@ -21,6 +22,8 @@ from agents.options import (
     RandomizeOption,
     TableOption,
     Trust,
+    Workers,
+    check_cluster,
     check_output,
     check_ranges,
 )
@@ -51,6 +54,8 @@ class LadderArgs:
     seed: int = 0
     """Draw the serves from this seed."""
     trust: Trust = False
+    workers: Workers = None
+    address: Address = None
     json: JsonFile = None
     plot: PlotFile = None
 
@@ -64,21 +69,27 @@ def ladder(args: LadderArgs) -> None:
     from tqdm import tqdm
 
     check_ranges(args, points=(1, 10**8), seed=(0, 10**9))
+    check_cluster(args)
     check_output("json", args.json)
     check_output("plot", args.plot, ".png")
     conditions = Conditions.of_options(args)
     players = find_players(args.players, args.only, args.trust)
     names = list(players)
-    matches, total, stopped = [], len(names) * (len(names) - 1) // 2, False
+    played: dict[int, Match] = {}
+    total, stopped = len(names) * (len(names) - 1) // 2, False
+    plays = play_ladder(
+        players, args.points, seed=args.seed, conditions=conditions, workers=args.workers, address=args.address
+    )
     try:
         with tqdm(total=total, unit="match", desc="ladder", leave=False, disable=None) as bar:
-            for match in play_ladder(players, args.points, seed=args.seed, conditions=conditions):
-                matches.append(match)
+            for number, match in plays:
+                played[number] = match
                 bar.update()
     except KeyboardInterrupt:
-        if not matches:
+        if not played:
             raise
         stopped = True
+    matches = [played[number] for number in sorted(played)]
     ratings = rate(names, matches)
     print_ladder(ratings, matches)
     if args.json is not None:
@@ -95,8 +106,8 @@ def ladder(args: LadderArgs) -> None:
             },
         )
     if args.plot is not None:
-        played = f"{len(matches)} of {total} pairs" if stopped else "each pair"
-        draw_ladder(ratings, matches, f"{in_words(args)}, {matches[0].result.points} points of {played}", args.plot)
+        pairs = f"{len(matches)} of {total} pairs" if stopped else "each pair"
+        draw_ladder(ratings, matches, f"{in_words(args)}, {matches[0].result.points} points of {pairs}", args.plot)
     if stopped:
         print(f"Stopped after {len(matches)} of {total} matches.")
         raise KeyboardInterrupt

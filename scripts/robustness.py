@@ -12,7 +12,18 @@ from agents.files import write_json
 from agents.measuring.robustness import LISTS, PARTS, conditions_of_part, measure, together
 from agents.measuring.robustness_report import draw_robustness, print_robustness
 from agents.models import load_player, load_players, short_name
-from agents.options import PLAYER_HELP, Count, JsonFile, PlotFile, Trust, check_output, check_ranges
+from agents.options import (
+    PLAYER_HELP,
+    Address,
+    Count,
+    JsonFile,
+    PlotFile,
+    Trust,
+    Workers,
+    check_cluster,
+    check_output,
+    check_ranges,
+)
 from scripts._command import run_command
 
 PLAYERS_HELP = f"Measure these players side by side. {PLAYER_HELP}"
@@ -39,6 +50,8 @@ class RobustnessArgs:
     seed: int = 0
     """Draw the serves from this seed."""
     trust: Trust = False
+    workers: Workers = None
+    address: Address = None
     json: JsonFile = None
     plot: PlotFile = None
 
@@ -50,6 +63,7 @@ def robustness(args: RobustnessArgs) -> None:
         ValueError, OSError: an argument does not fit.
     """
     check_ranges(args, points=(1, 10**6), seed=(0, 10**9))
+    check_cluster(args)
     check_output("json", args.json)
     check_output("plot", args.plot, ".png")
     if not args.players:
@@ -59,8 +73,18 @@ def robustness(args: RobustnessArgs) -> None:
     opponent_name = short_name(args.opponent)
     parts = (args.only,) if args.only else PARTS
     total = len(players) * sum(len(conditions_of_part(part)) for part in parts)
-    played = measure(players, opponent, args.points, opponent_name=opponent_name, parts=parts, seed=args.seed)
-    cells = list(tqdm(played, total=total, unit="condition", desc="robustness", leave=False, disable=None))
+    played = measure(
+        players,
+        opponent,
+        args.points,
+        opponent_name=opponent_name,
+        parts=parts,
+        seed=args.seed,
+        workers=args.workers,
+        address=args.address,
+    )
+    numbered = dict(tqdm(played, total=total, unit="condition", desc="robustness", leave=False, disable=None))
+    cells = [numbered[number] for number in range(total)]
     print_robustness(cells)
     if args.json is not None:
         summaries = {

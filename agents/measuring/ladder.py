@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from itertools import combinations
 from typing import Any
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from agents.conditions import EXACT, Conditions
 from agents.measuring.evaluation import OPPONENTS, Result, play_points
 from agents.models import Player, load_players
+from agents.spread import spread
 
 ELO = 400.0 / math.log(10.0)
 """Elo points for a factor of e in the odds: 400 points are odds of 10 to 1 (A. E. Elo, The Rating of Chessplayers)."""
@@ -80,18 +82,36 @@ def find_players(models: Sequence[str], only: bool = False, trust: bool = False)
 
 
 def play_ladder(
-    players: Mapping[str, Player], points: int, *, seed: int = 0, conditions: Conditions = EXACT
-) -> Iterator[Match]:
-    """Let every player play every other; yield the matches as they end.
+    players: Mapping[str, Player],
+    points: int,
+    *,
+    seed: int = 0,
+    conditions: Conditions = EXACT,
+    workers: int | None = None,
+    address: str | None = None,
+) -> Iterator[tuple[int, Match]]:
+    """Let every player play every other; yield the matches as they end, each with its place in the order of the pairs.
 
     A match is a call of `play_points` with the same arguments, so it does not depend on the other players. Both players
     of a match play under the conditions.
+
+    Args:
+        players: by name, as `find_players` returns them.
+        points, seed, conditions: as in `play_points`.
+        workers, address: see `agents.spread.spread`. The results do not depend on them.
     """
-    for first, second in combinations(players, 2):
-        result = play_points(
-            players[first], players[second], points, name=second, seed=seed, conditions=conditions, shared=True
-        )
-        yield Match(first, result)
+    play = partial(_play_match, players, points, seed, conditions)
+    yield from spread(play, combinations(players, 2), workers, address)
+
+
+def _play_match(
+    players: Mapping[str, Player], points: int, seed: int, conditions: Conditions, pair: tuple[str, str]
+) -> Match:
+    first, second = pair
+    result = play_points(
+        players[first], players[second], points, name=second, seed=seed, conditions=conditions, shared=True
+    )
+    return Match(first, result)
 
 
 def rate(names: Sequence[str], matches: Sequence[Match]) -> list[Rating]:

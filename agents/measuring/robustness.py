@@ -9,6 +9,7 @@ import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -16,6 +17,7 @@ from agents.conditions import EXACT, Conditions
 from agents.measuring.evaluation import Z_95, Result, play_points
 from agents.measuring.held_out import held_out_conditions
 from agents.models import Player
+from agents.spread import spread
 from airhockey_env.cameras import CAMERAS, ROBOT
 from airhockey_env.tables import CHALLENGE, FULL_SIZE, IDEAL, TABLES
 
@@ -122,8 +124,12 @@ def measure(
     opponent_name: str,
     parts: Sequence[str],
     seed: int = 0,
-) -> Iterator[Cell]:
-    """Let every player play points under all conditions against an opponent that sees exact states; yield the results.
+    workers: int | None = None,
+    address: str | None = None,
+) -> Iterator[tuple[int, Cell]]:
+    """Let every player play points under all conditions against an opponent that sees exact states.
+
+    Yields the results as they end, each with its place in the order of parts, conditions and players.
 
     Every player plays with the same serves under all conditions, so that these differ by less than the intervals say.
 
@@ -132,11 +138,27 @@ def measure(
         opponent, points, seed: as in `play_points`.
         opponent_name: name of the opponent in the results.
         parts: some of `PARTS`.
+        workers, address: see `agents.spread.spread`. The results do not depend on them.
     """
-    for part in parts:
-        for (name, conditions), (player_name, player) in product(conditions_of_part(part).items(), players.items()):
-            result = play_points(player, opponent, points, name=opponent_name, seed=seed, conditions=conditions)
-            yield Cell(part, name, player_name, conditions, result)
+    cells = [
+        (part, name, player, conditions)
+        for part in parts
+        for (name, conditions), player in product(conditions_of_part(part).items(), players)
+    ]
+    yield from spread(partial(_play_cell, players, opponent, points, opponent_name, seed), cells, workers, address)
+
+
+def _play_cell(
+    players: Mapping[str, Player],
+    opponent: Player,
+    points: int,
+    opponent_name: str,
+    seed: int,
+    cell: tuple[str, Any, str, Conditions],
+) -> Cell:
+    part, name, player, conditions = cell
+    result = play_points(players[player], opponent, points, name=opponent_name, seed=seed, conditions=conditions)
+    return Cell(part, name, player, conditions, result)
 
 
 @dataclass(frozen=True)

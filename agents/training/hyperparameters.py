@@ -15,6 +15,7 @@ from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckA
 from agents import features
 from agents.files import read_yaml
 from agents.training.learning import Falling
+from airhockey_env.files import replace
 
 NOISES = {"normal": NormalActionNoise, "ornstein-uhlenbeck": OrnsteinUhlenbeckActionNoise}
 """Noise on actions, by RL-Zoo's names."""
@@ -58,6 +59,18 @@ def read_section(path: Path, env_id: str) -> dict[str, Any]:
         has = sorted(map(str, sections)) if isinstance(sections, dict) else "none"
         raise ValueError(f"--env must have a section in {path}, got {env_id!r}; it has {has}")
     return sections[env_id]
+
+
+def write_section(path: Path, env_id: str, section: dict[str, Any]) -> None:
+    """Write a file in RL-Zoo's format with the section of one environment, as `read_section` reads it.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    import yaml
+
+    text = yaml.safe_dump({env_id.rpartition(":")[2]: section}, sort_keys=False)
+    replace(path, lambda part: part.write_text(text, encoding="utf-8"))
 
 
 def parse_section(section: Any, where: str, trust: bool = False) -> Hyperparameters:

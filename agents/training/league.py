@@ -7,13 +7,16 @@ scripted opponents would soon be too easy to be drawn, and the agent would forge
 
 The environment is exactly the same from both sides, so the agent learns on the left and its opponents play on the
 right.
+
+Several workers have one league: each holds a copy, and after every rollout they exchange the results of their points.
 """
 
 from __future__ import annotations
 
+import itertools
 import re
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +26,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from agents.files import COUNT, FILE, SHARE, TEXT, or_none, read_json, write_json
 from agents.models import export_policy
 from agents.seeding import sequence
+from agents.training import workers
 from agents.training.responses import Responses
 from agents.training.stopping import Stop
 from airhockey_env.opponents.players import Player as Opponent
@@ -81,6 +85,8 @@ class League(BaseCallback):
         self.responses_at: int | None = None  # steps of the agent that those under way are trained against
         self.stop = Stop()
         self.random = np.random.default_rng(sequence("league", args.seed))
+        self._results: list[tuple[int, float, float]] = []  # since the last exchange: member's number, won, drawn
+        self._shared: list[Member] = []  # the members at the last exchange
 
     @property
     def pool(self) -> tuple[Opponent, ...]:
@@ -109,13 +115,11 @@ class League(BaseCallback):
         return self.random.choice(len(self.members), number, p=shares)
 
     def _on_training_start(self) -> None:
-        self.random = np.random.default_rng(sequence("league", self.args.seed, self.num_timesteps))
+        self.random = np.random.default_rng(sequence("league", self.args.seed, self.num_timesteps, *workers.part()))
+        self._remember()
         self.tables.set_opponents(self.draw(self.tables.num_envs))
         if self.responses_at is not None:  # the run was stopped before they were done
             self.responses.begin(None, self.responses_at)
-
-    def _on_training_end(self) -> None:
-        self.responses.stop()
 
     def _on_rollout_start(self) -> None:
         latest = export_policy(self.model)
@@ -125,6 +129,7 @@ class League(BaseCallback):
             self.take_in(f"self at {self.num_timesteps}", latest)
         if self.args.responses and self.num_timesteps >= self.responses_due:
             self._see_to_responses(latest)
+            self._remember()
         self.logger.record("league/drawn", float(np.mean([member.drawn for member in self.members])))
         self.logger.record("league/won", float(np.mean([member.won for member in self.members])))
 
@@ -135,7 +140,9 @@ class League(BaseCallback):
             for row, number in zip(rows, numbers, strict=True):
                 info = self.locals["infos"][row]
                 drawn = info["TimeLimit.truncated"]
-                self.members[number].record(0.5 if drawn else float(info["is_success"]), float(drawn))
+                result = (int(number), 0.5 if drawn else float(info["is_success"]), float(drawn))
+                self._results.append(result)
+                self.members[number].record(*result[1:])
             self.tables.set_opponents(self.draw(len(rows)), rows)
         return True
 
@@ -153,6 +160,25 @@ class League(BaseCallback):
         if self.responses_due < self.args.steps:  # else they would join too late
             self.responses_at = self.num_timesteps
             self.responses.begin(latest, self.responses_at)
+
+    def _on_rollout_end(self) -> None:
+        self._exchange()
+
+    def _on_training_end(self) -> None:
+        self.responses.stop()
+        self._exchange()
+
+    def _exchange(self) -> None:
+        """Take up the results of all workers in one order, so that all have the same records."""
+        if workers.number() > 1:
+            results = workers.gather(self._results)
+            self.members = self._shared
+            for number, won, drawn in itertools.chain.from_iterable(results):
+                self.members[number].record(won, drawn)
+        self._remember()
+
+    def _remember(self) -> None:
+        self._results, self._shared = [], [replace(member) for member in self.members]
 
     def take_in(self, name: str, policy: MlpPolicy) -> None:
         """Add a copy of the agent, or a best response. If the league is full, it replaces the weakest of these."""

@@ -12,6 +12,7 @@ from stable_baselines3.common.logger import KVWriter
 from stable_baselines3.common.vec_env import VecEnv
 
 from agents.seeding import sequence, table_seeds
+from agents.training import workers
 from agents.training.student_tables import StudentTables
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 
@@ -24,7 +25,7 @@ def seed_tables(env: VecEnv, seeds: list[int]) -> None:
 
 
 def seed_learning(model: BaseAlgorithm, env: VecEnv, purpose: str, seed: int) -> None:
-    """Prepare a model to learn on these tables, with random streams of their own for every run and session.
+    """Prepare a model to learn on these tables, with random streams of their own for every run, session and worker.
 
     Stable-Baselines3 seeds exploration and tables from the model's seed whenever a model is made or loaded, so this has
     to follow that, directly before `learn`.
@@ -33,10 +34,10 @@ def seed_learning(model: BaseAlgorithm, env: VecEnv, purpose: str, seed: int) ->
         purpose: "practice" or "training".
         seed: the seed of the run.
     """
-    begun = model.num_timesteps
-    model.set_random_seed(int(sequence("actions", seed, begun).generate_state(1)[0]))
+    part = (model.num_timesteps, *workers.part())
+    model.set_random_seed(int(sequence("actions", seed, *part).generate_state(1)[0]))
     model.set_env(env)
-    seed_tables(env, table_seeds(purpose, seed, env.num_envs, begun))
+    seed_tables(env, table_seeds(purpose, seed, env.num_envs, *part))
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,7 @@ class Records(KVWriter):
             "train/approx_kl": "kl",
             "train/explained_variance": "explained_variance",
             "time/fps": "fps",
+            "time/averaging": "averaging",
         }
         row = {names[key]: float(value) for key, value in key_values.items() if key in names}
         if "entropy" in row:

@@ -15,12 +15,14 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecMonitor
 
+from agents.cluster import check_ray
 from agents.conditions import Conditions
 from agents.features import RelativeFeatures
 from agents.files import COUNT, POSITIVE, SHARE, TEXT, or_none
 from agents.measuring.evaluation import OPPONENTS, Result, play_points
 from agents.models import export_policy, short_name
-from agents.options import Count, OptionalCount, check_ranges
+from agents.options import Address, Count, OptionalCount, Workers, check_cluster, check_ranges
+from agents.training import workers
 from agents.training.league import League
 from agents.training.learning import Falling
 from agents.training.recipe import History, Phase, Recipe, Setup, TrainArgs, conditions_of, with_conditions
@@ -44,6 +46,9 @@ ENOUGH_STEPS = 3_000_000
 
 MOST_PRACTICE = 4_000_000
 """The most steps of shooting practice by default."""
+
+WINDOW = 500
+"""The number of last episodes, of all workers together, whose results count for the end of practice and in the log."""
 
 EVALUATION = {
     "opponent": TEXT,
@@ -98,6 +103,8 @@ class PpoArgs(TrainArgs):
     times as large."""
     net_width: Count = 64
     """Give the policy and the value network two hidden layers of this many units each."""
+    workers: Workers = None
+    address: Address = None
 
 
 def resolve(args: Args) -> Args:
@@ -111,10 +118,36 @@ def resolve(args: Args) -> Args:
         batch_size=(2, most), n_epochs=(1, most), learning_rate=(0, 1), gamma=(0, 1), gae_lambda=(0, 1),
         clip_range=(0, 10), ent_coef=(0, 10), sde_sample_freq=(0, most), log_std_init=(-20, 2), net_width=(1, most),
     )  # fmt: skip
+    check_workers(args)
     args = with_conditions(args)
     steps = args.steps or STEPS
     practice = min(steps // 2, MOST_PRACTICE) if args.warmup_steps is None else args.warmup_steps
     return dataclasses.replace(args, steps=steps, warmup_steps=practice)
+
+
+def check_workers(args: PpoArgs) -> None:
+    """Check that the workers can have equal shares of the tables and of the samples of a gradient step.
+
+    Raises:
+        ValueError: they cannot. See `check_cluster` too.
+        gymnasium.error.DependencyNotInstalled: there are workers, and Ray is missing.
+    """
+    check_cluster(args)
+    if args.workers is not None:
+        check_ray("--workers")
+    number = args.workers or 1
+    if args.num_envs % number:
+        raise ValueError(f"--num-envs must be a multiple of --workers {number}, got {args.num_envs}")
+    if args.batch_size % number or args.batch_size < 2 * number:
+        raise ValueError(
+            f"--batch-size must be a multiple of --workers {number}, at least {2 * number}, got {args.batch_size}"
+        )
+
+
+def share_of_worker(args: Args) -> Args:
+    """The options of one of the workers: those of the run, with its share of the tables and of the samples."""
+    number = args.workers or 1
+    return dataclasses.replace(args, num_envs=args.num_envs // number, batch_size=args.batch_size // number)
 
 
 def build(args: PpoArgs, new: bool) -> Setup:
@@ -199,7 +232,7 @@ def model_arguments(args: PpoArgs) -> dict[str, Any]:
             "features_extractor_class": RelativeFeatures,
             "features_extractor_kwargs": {"spec": conditions_of(args).table},
         },
-        "stats_window_size": 500,
+        "stats_window_size": max(1, WINDOW // workers.number()),
         "seed": args.seed,
         "device": args.device,
     }
@@ -233,20 +266,32 @@ def phases(args: PpoArgs, model: PPO, league: League | None, history: History) -
 
 
 class Practice(BaseCallback):
-    """Ends shooting practice after a number of steps, or when a share of its last episodes has succeeded."""
+    """Ends shooting practice after a number of steps, or when a share of its last episodes has succeeded.
+
+    Several workers compare their episodes after a rollout only, because within one they do not wait for each other.
+    """
 
     def __init__(self, steps: int, success: float) -> None:
         super().__init__()
         self.steps = steps
         self.success = success
         self.over = False
+        self._good = False
 
     def _on_step(self) -> bool:
-        last = self.model.ep_success_buffer
-        assert last is not None, "learning has begun"
-        good = len(last) == last.maxlen and sum(last) >= self.success * len(last)
-        self.over = good or self.num_timesteps >= self.steps
+        if workers.number() == 1:
+            self._compare()
+        self.over = self._good or self.num_timesteps >= self.steps
         return not self.over
+
+    def _on_rollout_end(self) -> None:
+        self._compare()
+
+    def _compare(self) -> None:
+        last = self.model.ep_success_buffer
+        assert last is not None and last.maxlen is not None, "learning has begun"
+        successes, episodes = workers.total(sum(last), len(last))
+        self._good = episodes == workers.number() * last.maxlen and successes >= self.success * episodes
 
 
 def play(args: PpoArgs, model: PPO, opponent: str, points: int, purpose: str, stop: Stop) -> Result:

@@ -64,6 +64,13 @@ class RunFolder:
         there = [path.name for path in named if path.exists()]
         return f"{self.path}: {', '.join(there)} and TensorBoard logs"
 
+    def owner(self) -> str:
+        """The process that is training in the folder, or the last one that did, as `locked` names it; "" for none."""
+        try:
+            return (self.path / ".lock").read_text(encoding="utf-8").strip()
+        except FileNotFoundError:
+            return ""
+
     def _check_new(self) -> None:
         if self.config.exists():
             raise FileExistsError(

@@ -62,6 +62,8 @@ def resolve(args: SelfPlayArgs) -> SelfPlayArgs:
     )  # fmt: skip
     for kind in args.responses:
         check_choice("--responses", kind, KINDS)
+    if args.responses and (args.workers or 1) > 1:
+        raise ValueError(f"--workers must be 1 with --responses, which take processors of this machine, got {args.workers}")
     return ppo.resolve(dataclasses.replace(args, steps=args.steps or STEPS))
 
 

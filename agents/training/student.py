@@ -24,6 +24,7 @@ from torch import nn
 from torch.nn import functional
 
 from agents.features import RelativeFeatures, SmallCnn
+from agents.training import workers
 from agents.training.student_tables import EXACT_STATE, SEEN, TABLE
 from airhockey_env.opponents.players import Policy
 from airhockey_env.tables import FULL_SIZE, TableSpec
@@ -122,7 +123,8 @@ class Student(PPO):
         observations, _ = policy.obs_to_tensor(self._last_obs)
         with torch.no_grad():
             latent, _ = policy.mlp_extractor(policy.extract_features(observations))
-            policy.log_std.fill_(math.log(deviation) - 0.5 * math.log(float((latent**2).sum(dim=1).mean())))
+            (size,) = workers.total(float((latent**2).sum(dim=1).mean()))
+            policy.log_std.fill_(math.log(deviation) - 0.5 * math.log(size / workers.number()))
 
     def _excluded_save_params(self) -> list[str]:
         return [*super()._excluded_save_params(), "teacher"]

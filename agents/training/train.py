@@ -1,27 +1,29 @@
-"""The trainer that all recipes share: it begins or resumes a run, trains, evaluates, saves, and writes the report."""
+"""The trainer that all recipes share: it begins or resumes a run, trains, evaluates, saves, and writes the report.
+
+With --workers, Ray's workers do the training (`agents.training.parallel`), and this process the rest.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
 import math
-import time
 from collections.abc import Sequence
 from typing import TypeVar
 
 import torch
-from stable_baselines3.common.callbacks import BaseCallback, CallbackList
-from stable_baselines3.common.logger import configure
-from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import Logger
 
 from agents.files import read_arguments, read_json, write_json
 from agents.options import check_device, check_ranges, check_resumed, not_default
-from agents.training import checkpoints, distill, ppo, self_play, zoo
-from agents.training.learning import ProgressBar, Records, seed_learning
-from agents.training.recipe import History, Phase, Recipe, Setup, TrainArgs
+from agents.training import checkpoints, distill, parallel, ppo, self_play, zoo
+from agents.training.learning import ProgressBar
+from agents.training.recipe import TrainArgs
 from agents.training.report import draw_training
+from agents.training.run import Run, learn_phases
 from agents.training.runs import RunFolder
-from agents.training.stopping import Stop, StopLearning, Stopped, stopping
+from agents.training.stopping import Stop, Stopped, stopping
 from agents.video import write_video
 from airhockey_env.checks import MOST_STACK
 
@@ -30,65 +32,9 @@ Args = TypeVar("Args", bound=TrainArgs)
 RECIPES = {recipe.args: recipe for recipe in (ppo.RECIPE, self_play.RECIPE, distill.RECIPE, zoo.RECIPE)}
 """The recipes by the type of their options."""
 
-NOT_KEPT = ("resume", "trust", "device")
-"""Options that config.json does not keep. Otherwise a file from somebody else could say that it is to be trusted. A run
-can be resumed on a machine with other devices."""
-
-
-class Run:
-    """A run that is being trained."""
-
-    def __init__(self, recipe: Recipe, folder: RunFolder, args: TrainArgs, setup: Setup, history: History) -> None:
-        assert args.steps is not None and args.eval_every is not None
-        self.command, self.folder, self.args, self.setup, self.history = recipe.command, folder, args, setup, history
-        self.model, self.steps, self.eval_every = setup.model, args.steps, args.eval_every
-        before = history["updates"][-1]["seconds"] if history["updates"] else 0.0
-        self._begun = time.perf_counter() - before
-
-    @property
-    def seconds(self) -> float:
-        """Training time over all sessions, without evaluations."""
-        return time.perf_counter() - self._begun
-
-    @property
-    def evaluated(self) -> int:
-        """The number of steps at the last evaluation, or -1 before the first."""
-        return self.history["evaluations"][-1]["steps"] if self.history["evaluations"] else -1
-
-    def save(self) -> None:
-        """Write a checkpoint."""
-        checkpoints.save(self.folder, self.setup, self.history)
-
-    def evaluate(self, stop: Stop) -> None:
-        """Evaluate the model, record the result, and save the run."""
-        seconds = self.seconds
-        row = self.setup.evaluate(stop)
-        self._begun += self.seconds - seconds
-        self.history["evaluations"].append({"steps": self.model.num_timesteps, "seconds": seconds, **row})
-        for name, value in row.items():
-            if isinstance(value, float):
-                self.model.logger.record(f"eval/{name}", value)
-        self.save()
-
-
-class Watch(BaseCallback):
-    """Evaluates and saves a run regularly."""
-
-    def __init__(self, run: Run, stop: Stop) -> None:
-        super().__init__()
-        self.run, self.stop = run, stop
-
-    def _on_step(self) -> bool:
-        if isinstance(self.model, OffPolicyAlgorithm):
-            self._evaluate_if_due()
-        return True
-
-    def _on_rollout_start(self) -> None:
-        self._evaluate_if_due()
-
-    def _evaluate_if_due(self) -> None:
-        if self.num_timesteps >= self.run.evaluated + self.run.eval_every:
-            self.run.evaluate(self.stop)
+NOT_KEPT = ("resume", "trust", "device", "workers", "address")
+"""Options of a session, which config.json does not keep. Otherwise a file from somebody else could say that it is to be
+trusted, and a run could not be resumed on a machine with other devices."""
 
 
 def train(args: TrainArgs, callbacks: Sequence[BaseCallback] = ()) -> RunFolder:
@@ -99,17 +45,26 @@ def train(args: TrainArgs, callbacks: Sequence[BaseCallback] = ()) -> RunFolder:
     Args:
         args: the options of a recipe: `PpoArgs`, `SelfPlayArgs`, `DistillArgs` or `ZooArgs`.
         callbacks: Stable-Baselines3 callbacks, for example of a tracker. They see training start and end once per phase
-            of the recipe, such as shooting practice. A callback that returns False ends the phase.
+            of the recipe, such as shooting practice. A callback that returns False ends the phase. There can be none
+            with workers, which are processes of their own.
 
     Raises:
         ValueError, FileExistsError, FileNotFoundError: an option is wrong. Nothing has been written.
         BlockingIOError: another process is training this run.
         OSError: the run could not be saved. Its last checkpoint is intact.
+        ConnectionError: there is no Ray cluster at `args.address`.
+        gymnasium.error.DependencyNotInstalled: there are workers, and Ray is missing.
     """
+    if callbacks and parallel.wanted(args):
+        raise ValueError("callbacks must be empty with workers, which are processes of their own")
     with contextlib.ExitStack() as stack:
         stop = stack.enter_context(stopping())
-        run = _begin(args, stack) if args.resume is None else _resume(args, stack)
-        _learn(run, callbacks, stop)
+        cluster = stack.enter_context(contextlib.ExitStack())
+        run = _begin(args, stack, cluster) if args.resume is None else _resume(args, stack, cluster)
+        if parallel.wanted(args):
+            run = _learn_with_workers(run, cluster, stop)
+        else:
+            _learn(run, [*callbacks, ProgressBar()], stop)
         _report(run, stop)
     return run.folder
 
@@ -154,11 +109,13 @@ def _resolved(args: Args) -> Args:
     return dataclasses.replace(args, eval_every=args.eval_every or max(1, args.steps // 10))
 
 
-def _begin(args: TrainArgs, stack: contextlib.ExitStack) -> Run:
-    """Make a new run. Its folder stays locked until the stack is closed."""
+def _begin(args: TrainArgs, stack: contextlib.ExitStack, cluster: contextlib.ExitStack) -> Run:
+    """Make a new run. Its folder stays locked until the stack is closed, and Ray can be used until `cluster` is."""
     recipe, args = RECIPES[type(args)], _resolved(args)
     torch.set_num_threads(args.threads)
     setup = recipe.build(args, True)
+    if parallel.wanted(args):
+        cluster.enter_context(parallel.connected(args))
     folder = RunFolder.create(args.name, type(setup.model).__name__.lower())
     stack.enter_context(folder.locked(new=True))
     run = Run(recipe, folder, args, setup, {"practice": None, "evaluations": [], "updates": [], "report": []})
@@ -168,8 +125,8 @@ def _begin(args: TrainArgs, stack: contextlib.ExitStack) -> Run:
     return run
 
 
-def _resume(args: TrainArgs, stack: contextlib.ExitStack) -> Run:
-    """Load a run to continue it. Its folder stays locked until the stack is closed."""
+def _resume(args: TrainArgs, stack: contextlib.ExitStack, cluster: contextlib.ExitStack) -> Run:
+    """Load a run to continue it. The stacks are as in `_begin`."""
     folder, kept = own_args(args)
     check_resumed(dataclasses.replace(kept, **{name: getattr(args, name) for name in not_default(args)}), kept)
     stack.enter_context(folder.locked())
@@ -182,6 +139,8 @@ def _resume(args: TrainArgs, stack: contextlib.ExitStack) -> Run:
     rollout = setup.model.n_envs * getattr(setup.model, "n_steps", 1)  # off-policy algorithms collect a step at a time
     if asked is not None and done >= asked + rollout:
         raise ValueError(f"the run has {done:,} steps: --steps must be more, got {asked:,}")
+    if parallel.wanted(args):
+        cluster.enter_context(parallel.connected(args))
     return Run(recipe, folder, args, setup, history)
 
 
@@ -191,45 +150,52 @@ def _learn(run: Run, callbacks: Sequence[BaseCallback], stop: Stop) -> None:
     Raises:
         Stopped, KeyboardInterrupt: a signal other than one Ctrl-C has arrived.
     """
-    done, path = run.model.num_timesteps, run.folder.path
-    resumed = f" It continues at {done:,}." if done < run.steps else f" It has {done:,} already, so nothing is left."
-    print(f"{path}: {run.steps:,} steps in all.{resumed if done else ''} Ctrl-C stops early and saves everything.")
-    if run.folder.policy.exists() and run.model.num_timesteps < run.steps:
-        print(f"Watch it learn, in the browser: python -m airhockey_env.web --run {path} --open")
-    logger = configure(str(path / "tensorboard"), ["tensorboard"])
-    logger.output_formats.append(Records(run.history["updates"], lambda: run.seconds))
-    run.model.set_logger(logger)
+    _announce(run)
     try:
-        if run.evaluated < 0:
-            run.evaluate(stop)
-        for phase in run.setup.phases(run.history):
-            if stop.asked or run.model.num_timesteps >= run.steps:
-                break
-            _learn_phase(run, phase, callbacks, stop)
+        learn_phases(run, callbacks, stop)
     except (KeyboardInterrupt, Stopped):
         if not stop.asked:
             raise
     finally:
         run.save()
+    _end(run, stop)
+
+
+def _learn_with_workers(run: Run, cluster: contextlib.ExitStack, stop: Stop) -> Run:
+    """Let Ray's workers train all phases, close Ray, and return the run as they have saved it.
+
+    Raises:
+        Stopped, KeyboardInterrupt: a signal other than one Ctrl-C has arrived.
+    """
+    _announce(run)
+    with cluster:
+        parallel.learn(run, stop)
+    history = checkpoints.load(run.folder, run.setup, run.recipe.evaluation)
+    run = Run(run.recipe, run.folder, run.args, run.setup, history)
+    run.model.set_logger(Logger(None, []))
+    _end(run, stop)
+    return run
+
+
+def _announce(run: Run) -> None:
+    done, path = run.model.num_timesteps, run.folder.path
+    resumed = f" It continues at {done:,}." if done < run.steps else f" It has {done:,} already, so nothing is left."
+    print(f"{path}: {run.steps:,} steps in all.{resumed if done else ''} Ctrl-C stops early and saves everything.")
+    if run.folder.policy.exists() and run.model.num_timesteps < run.steps:
+        print(f"Watch it learn, in the browser: python -m airhockey_env.web --run {path} --open")
+
+
+def _end(run: Run, stop: Stop) -> None:
+    """Say how a run that was stopped can be continued; leave if that was not by one Ctrl-C.
+
+    Raises:
+        Stopped, KeyboardInterrupt: a signal other than one Ctrl-C has arrived.
+    """
     if stop.asked:
-        print(f"\nStopped; the run is saved. Continue with: python -m scripts.{run.command} --resume {path}")
+        command = run.recipe.command
+        print(f"\nStopped; the run is saved. Continue with: python -m scripts.{command} --resume {run.folder.path}")
         stop.forget_ctrl_c()
         stop.check()
-
-
-def _learn_phase(run: Run, phase: Phase, callbacks: Sequence[BaseCallback], stop: Stop) -> None:
-    """Train on the tables of a phase, until a callback ends it or the run has all its steps."""
-    model = run.model
-    print(phase.title)
-    seed_learning(model, phase.env, phase.purpose, run.args.seed)
-    if run.setup.league is not None:
-        run.setup.league.stop, run.setup.league.responses.name = stop, run.folder.path.name
-    model.learn(
-        run.steps - model.num_timesteps,
-        callback=CallbackList([*phase.callbacks, *callbacks, Watch(run, stop), ProgressBar(), StopLearning(stop)]),
-        log_interval=100 if isinstance(model, OffPolicyAlgorithm) else 1,  # episodes, or updates
-        reset_num_timesteps=model.num_timesteps == 0,
-    )
 
 
 def _report(run: Run, stop: Stop) -> None:

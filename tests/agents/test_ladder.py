@@ -122,7 +122,7 @@ def test_pairs_that_have_not_met_are_rated_over_others() -> None:
 
 def test_everybody_plays_everybody_and_policies_each_other() -> None:
     players = {"fast": chaser(9.0), "slow": chaser(0.05), "goalie": "goalie"}
-    matches = list(play_ladder(players, 6, seed=3))
+    matches = [match for _, match in play_ladder(players, 6, seed=3)]
     assert [(match.player, match.result.opponent) for match in matches] == list(combinations(players, 2))
     for match in matches:
         assert match.result.points == 6

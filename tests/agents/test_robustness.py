@@ -38,7 +38,7 @@ def test_the_lists() -> None:
 
 def test_a_cell_is_an_evaluation_under_its_conditions() -> None:
     players = {"one": "goalie", "two": "expert"}
-    cells = list(measure(players, "idle", 10, opponent_name="nobody", parts=["named"], seed=3))
+    cells = [cell for _, cell in measure(players, "idle", 10, opponent_name="nobody", parts=["named"], seed=3)]
     assert [(cell.name, cell.player) for cell in cells] == [
         (name, player) for name in LISTS["named"]() for player in players
     ]

@@ -1,0 +1,1 @@
+"""Training on several processors: RLlib beside Stable-Baselines3, and a model of data-parallel training."""
