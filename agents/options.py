@@ -183,7 +183,7 @@ def not_default(args: Any) -> list[str]:
     return [field.name for field in dataclasses.fields(args) if getattr(args, field.name) != field.default]
 
 
-SESSION = ("resume", "steps", "workers", "address")
+SESSION = ("resume", "steps", "device", "workers", "address")
 """The arguments that can be given when a run is resumed."""
 
 

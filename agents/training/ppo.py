@@ -135,6 +135,8 @@ def check_workers(args: PpoArgs) -> None:
     check_cluster(args)
     if args.workers is not None:
         check_ray("--workers")
+        if args.device != "cpu":
+            raise ValueError(f"--device must be cpu with --workers, got {args.device}")
     number = args.workers or 1
     if args.num_envs % number:
         raise ValueError(f"--num-envs must be a multiple of --workers {number}, got {args.num_envs}")
