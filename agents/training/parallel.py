@@ -221,8 +221,7 @@ def _work(job: Job, post: Any) -> None:
         _compare_weights(run)
     run.save()
     if workers.rank() == 0:
-        line(run.model.num_timesteps)
-        line.wait()
+        ray.get(line.flush(run.model.num_timesteps))
 
 
 def _compare_weights(run: Run) -> None:
@@ -252,7 +251,7 @@ def _shared_folder(job: Job) -> RunFolder:
 
 
 class Line:
-    """Worker 0's connection to the command: a function for `Together`, which does not wait for the answer.
+    """Worker 0's connection to the command: a function for `Together`. It never waits, however slow the command is.
 
     Args:
         post: the actor.
@@ -261,18 +260,24 @@ class Line:
 
     def __init__(self, post: Any, printed: io.StringIO) -> None:
         self.post, self.printed = post, printed
+        self._arrived: list[int] = []
         self._answer: Any = None
 
     def __call__(self, steps: int) -> list[int]:
-        """Tell the number of steps, and return the signals that had arrived when it was called before."""
-        arrived = self.wait()
+        """Tell the number of steps, unless the last one is on its way. Return the signals that have arrived."""
+        import ray
+
+        if self._answer is None or ray.wait([self._answer], timeout=0)[0]:
+            self.flush(steps)
+        return self._arrived
+
+    def flush(self, steps: int) -> Any:
+        """Tell the number of steps and what was printed, as soon as the last answer is there. Return the next."""
+        import ray
+
+        if self._answer is not None:
+            self._arrived = ray.get(self._answer)
         self._answer = self.post.tell.remote(steps, self.printed.getvalue())
         self.printed.seek(0)
         self.printed.truncate()
-        return arrived
-
-    def wait(self) -> list[int]:
-        """Wait for the answer to the last call, and return it."""
-        import ray
-
-        return [] if self._answer is None else ray.get(self._answer)
+        return self._answer

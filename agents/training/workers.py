@@ -7,9 +7,8 @@ Without one there is one worker, and every function returns what that one has.
 from __future__ import annotations
 
 import hashlib
-import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 import torch
@@ -88,9 +87,9 @@ def _together(act: Callable[[], object]) -> None:
 class Together(BaseCallback):
     """Lets the workers of a run take every step of the optimizer together. It has to be the first callback.
 
-    Each worker computes the gradients of its own samples. Before a step they are averaged over the workers, and then
-    clipped, as if one process had all samples. So that Stable-Baselines3 does not clip before, it has no limit during
-    an update. `num_timesteps` counts the steps of all workers.
+    Each worker computes the gradients of its own samples. At the end of the backward pass they are averaged over the
+    workers; what follows, such as clipping, is as if one process had all samples. `num_timesteps` counts the steps of
+    all workers.
 
     Args:
         stop: the signals that have arrived. It is set between two rollouts, so that all workers stop at the same step.
@@ -101,15 +100,12 @@ class Together(BaseCallback):
         super().__init__()
         self.stop, self.signals = stop, signals
         self.waited = 0.0  # seconds since the last rollout in which gradients were on their way
-        self._limit = math.inf
         self._since = time.perf_counter()
+        self._hooks: list[Any] = []
 
     def _on_training_start(self) -> None:
-        self._hook = self.model.policy.optimizer.register_step_pre_hook(self._average)
+        self._hooks = average_gradients(list(self.model.policy.parameters()), self._wait)
         self._since = time.perf_counter()
-
-    def _on_rollout_start(self) -> None:
-        self._restore_limit()
 
     def _on_step(self) -> bool:
         self.model.num_timesteps += (number() - 1) * self.training_env.num_envs
@@ -122,26 +118,44 @@ class Together(BaseCallback):
         if self.waited:
             self.logger.record("time/averaging", self.waited / (now - self._since))
         self.waited, self._since = 0.0, now
-        self._limit, self.model.max_grad_norm = self.model.max_grad_norm, math.inf  # type: ignore[attr-defined]
 
     def _on_training_end(self) -> None:
-        self._restore_limit()
-        self._hook.remove()
+        for hook in self._hooks:
+            hook.remove()
 
-    def _restore_limit(self) -> None:
-        if self._limit < math.inf:
-            self.model.max_grad_norm, self._limit = self._limit, math.inf  # type: ignore[attr-defined]
+    def _wait(self, seconds: float) -> None:
+        self.waited += seconds
 
-    def _average(self, optimizer: torch.optim.Optimizer, *_: Any) -> None:
-        """Average the gradients in one message, and clip them."""
-        weights = [weight for group in optimizer.param_groups for weight in group["params"]]
+
+def average_gradients(weights: Sequence[nn.Parameter], waited: Callable[[float], None]) -> list[Any]:
+    """Average the gradients of these weights over the workers at the end of every backward pass, in one message.
+
+    Args:
+        waited: is given the seconds that it took each time.
+
+    Returns:
+        Hooks, whose `remove` ends it.
+    """
+    queued = False
+
+    def queue(_: torch.Tensor) -> None:
+        nonlocal queued
+        if not queued:  # at the first gradient of a backward pass
+            queued = True
+            torch.autograd.Variable._execution_engine.queue_callback(average)  # as DistributedDataParallel does
+
+    def average() -> None:
+        nonlocal queued
+        queued = False
+        if number() == 1:
+            return
         gradients = [weight.grad for weight in weights if weight.grad is not None]
         flat = torch.cat([gradient.flatten() for gradient in gradients])
         begun = time.perf_counter()
-        if number() > 1:
-            _together(lambda: distributed.all_reduce(flat))
-        self.waited += time.perf_counter() - begun
+        _together(lambda: distributed.all_reduce(flat))
+        waited(time.perf_counter() - begun)
         flat /= number()
-        for gradient, averaged in zip(gradients, flat.split([gradient.numel() for gradient in gradients]), strict=True):
-            gradient.copy_(averaged.view_as(gradient))
-        nn.utils.clip_grad_norm_(weights, self._limit)
+        parts = flat.split([gradient.numel() for gradient in gradients])
+        torch._foreach_copy_(gradients, [part.view_as(own) for part, own in zip(parts, gradients, strict=True)])
+
+    return [weight.register_post_accumulate_grad_hook(queue) for weight in weights if weight.requires_grad]

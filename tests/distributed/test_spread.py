@@ -19,6 +19,8 @@ from agents.cluster import connect
 from agents.measuring.ladder import play_ladder
 from agents.sb3_files import read_model
 from agents.spread import spread
+from agents.training.exploit import best_responses, prepare
+from agents.training.ppo import PpoArgs
 from agents.training.runs import RunFolder
 from tests.helpers import Call, start
 
@@ -91,18 +93,22 @@ class TestResults:
         assert printed[0] == printed[1]
         assert (tmp_path / "1.json").read_bytes() == (tmp_path / "2.json").read_bytes()
 
-    def test_exploit_trains_the_same_agents(self, call: Call, tmp_path: Path) -> None:
-        small = ("--steps", "1", "--seeds", "1", "--kinds", "expert", "--points", "4")
-        for workers in ("1", "2"):
-            call(
-                "exploit", "goalie", *small, "--name", f"by{workers}", "--json", f"{workers}.json", "--workers", workers
-            )
-        one, two = (
-            json.loads((tmp_path / f"{workers}.json").read_text().replace(f"by{workers}", "by")) for workers in (1, 2)
-        )
-        assert one == two
-        policies = [RunFolder(tmp_path / "runs" / f"by{workers}-expert-0").policy for workers in (1, 2)]
-        assert policies[0].read_bytes() == policies[1].read_bytes()
+    def test_exploit_trains_the_same_agents(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(tmp_path)
+        target = prepare("goalie", "target")
+        args = PpoArgs(
+            steps=64, num_envs=4, n_steps=4, batch_size=8, net_width=8, eval_episodes=2, report_episodes=2,
+            video_seconds=0.0, table="ideal",
+        )  # fmt: skip
+        found = [
+            dict(best_responses(target, ("scratch",), 2, f"by{workers}", args, 4, workers=workers))
+            for workers in (1, 2)
+        ]
+        for number in range(2):
+            one, two = (responses[number] for responses in found)
+            assert (one.kind, one.seed) == (two.kind, two.seed) == ("scratch", number)
+            assert one.result == two.result
+            assert RunFolder(one.run).policy.read_bytes() == RunFolder(two.run).policy.read_bytes()
 
 
 @needs_signals

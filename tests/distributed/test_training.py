@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from agents.cluster import connect
 from agents.sb3_files import read_model
 from agents.training import train as trainer
 from agents.training.ppo import PpoArgs
@@ -38,6 +39,13 @@ def _in_its_own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.fixture(scope="class")
+def one_processor() -> Iterator[None]:
+    """A Ray that this process uses, and the commands in it."""
+    with connect(None, 1):
+        yield
+
+
 @pytest.fixture
 def cluster() -> Iterator[Any]:
     """A cluster of two nodes with a processor each."""
@@ -49,38 +57,39 @@ def cluster() -> Iterator[Any]:
         nodes.shutdown()
 
 
-def test_one_worker_is_the_run_without_ray_to_the_bit() -> None:
-    args: dict[str, Any] = {
-        **TINY, "steps": 40 * 64, "eval_every": 16 * 64, "warmup_steps": 10 * 64, "snapshot_every": 8 * 64,
-        "camera": "robot", "randomize": "tables", "stack": 2,
-    }  # fmt: skip
-    folders = [
-        train(SelfPlayArgs(name="plain", **args)),
-        train(SelfPlayArgs(name="one", workers=1, **args)),
-    ]
-    plain, one = (json.loads(folder.evaluations.read_text()) for folder in folders)
-    for rows in (*plain.values(), *one.values()):
-        for row in rows if isinstance(rows, list) else []:
-            for timed in ("seconds", "fps", "averaging"):
-                row.pop(timed, None)
-    assert one == plain
-    assert folders[0].policy.read_bytes() == folders[1].policy.read_bytes()
-    states = [read_model(folder.model).params for folder in folders]
-    assert str(states[0]) == str(states[1]), "the optimizer's too"
-    leagues = [json.loads((folder.path / "league.json").read_text()) for folder in folders]
-    assert leagues[0] == leagues[1]
-    assert len(leagues[0]["members"]) > 4
-    configs = [json.loads(folder.config.read_text()) for folder in folders]
-    assert not {"workers", "address"} & set(configs[1])
+@pytest.mark.usefixtures("one_processor")
+class TestOneWorker:
+    def test_one_worker_is_the_run_without_ray_to_the_bit(self) -> None:
+        args: dict[str, Any] = {
+            **TINY, "steps": 40 * 64, "eval_every": 16 * 64, "warmup_steps": 10 * 64, "snapshot_every": 8 * 64,
+            "camera": "robot", "randomize": "tables", "stack": 2,
+        }  # fmt: skip
+        folders = [
+            train(SelfPlayArgs(name="plain", **args)),
+            train(SelfPlayArgs(name="one", workers=1, **args)),
+        ]
+        plain, one = (json.loads(folder.evaluations.read_text()) for folder in folders)
+        for rows in (*plain.values(), *one.values()):
+            for row in rows if isinstance(rows, list) else []:
+                for timed in ("seconds", "fps", "averaging"):
+                    row.pop(timed, None)
+        assert one == plain
+        assert folders[0].policy.read_bytes() == folders[1].policy.read_bytes()
+        states = [read_model(folder.model).params for folder in folders]
+        assert str(states[0]) == str(states[1]), "the optimizer's too"
+        leagues = [json.loads((folder.path / "league.json").read_text()) for folder in folders]
+        assert leagues[0] == leagues[1]
+        assert len(leagues[0]["members"]) > 4
+        configs = [json.loads(folder.config.read_text()) for folder in folders]
+        assert not {"workers", "address"} & set(configs[1])
 
-
-def test_a_worker_that_cannot_go_on_is_not_started_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Here it does not find the folder of the run, as on a node that does not share it."""
-    monkeypatch.setattr(RunFolder, "owner", lambda self: "process 1 on another machine")
-    with pytest.raises(FileNotFoundError, match=r"runs/own must be on a file system that all nodes"):
-        train(PpoArgs(name="own", workers=1, steps=512, **TINY))
-    train(PpoArgs(resume="own"))
-    assert checkpoint() == 512
+    def test_a_worker_that_cannot_go_on_is_not_started_again(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Here it does not find the folder of the run, as on a node that does not share it."""
+        monkeypatch.setattr(RunFolder, "owner", lambda self: "process 1 on another machine")
+        with pytest.raises(FileNotFoundError, match=r"runs/own must be on a file system that all nodes"):
+            train(PpoArgs(name="own", workers=1, steps=512, **TINY))
+        train(PpoArgs(resume="own"))
+        assert checkpoint() == 512
 
 
 def test_no_address_is_no_run() -> None:
