@@ -19,7 +19,7 @@ from agents.conditions import Conditions
 from agents.features import RelativeFeatures
 from agents.files import COUNT, POSITIVE, SHARE, TEXT, or_none
 from agents.measuring.evaluation import OPPONENTS, Result, play_points
-from agents.models import export_policy, short_name
+from agents.models import player_of, short_name
 from agents.options import Count, OptionalCount, check_ranges
 from agents.training.league import League
 from agents.training.learning import Falling
@@ -139,7 +139,7 @@ def setup(args: PpoArgs, model: PPO, league: League | None = None) -> Setup:
         evaluate=partial(evaluate, args, model),
         report=partial(report, args, model),
         frames=lambda folder: frames_of_play(
-            export_policy(model),
+            player_of(model),
             args.eval_opponent,
             args.video_seconds,
             size=(640, 344),
@@ -160,6 +160,7 @@ def make_tables(
     num_envs: int,
     task: str = "point",
     opponents: Sequence[Opponent] | None = None,
+    obs_type: str = "state",
 ) -> AirHockeySB3VecEnv:
     """Make so many tables under the given conditions; see `make_env`."""
     return AirHockeySB3VecEnv(
@@ -168,6 +169,7 @@ def make_tables(
         opponent=args.opponent if opponents is None else opponents,
         reward=args.reward,
         **conditions.env_arguments(),
+        obs_type=obs_type,
         stack=args.stack,
         max_episode_steps=TASKS[task].max_episode_steps,
     )
@@ -252,7 +254,7 @@ class Practice(BaseCallback):
 def play(args: PpoArgs, model: PPO, opponent: str, points: int, purpose: str, stop: Stop) -> Result:
     """Play points with the agent as it is now. See `play_points` for the arguments."""
     return play_points(
-        export_policy(model),
+        player_of(model),
         opponent,
         points,
         name=short_name(opponent),

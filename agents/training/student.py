@@ -23,7 +23,7 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, MlpExtr
 from torch import nn
 from torch.nn import functional
 
-from agents.features import RelativeFeatures, SmallCnn
+from agents.features import ChangedPatches, RelativeFeatures
 from agents.training.student_tables import EXACT_STATE, SEEN, TABLE
 from airhockey_env.opponents.players import Policy
 from airhockey_env.tables import FULL_SIZE, TableSpec
@@ -39,7 +39,7 @@ class StudentFeatures(BaseFeaturesExtractor):
     def __init__(self, observation_space: spaces.Dict, spec: TableSpec = FULL_SIZE) -> None:
         space, exact, table = (observation_space[name] for name in (SEEN, EXACT_STATE, TABLE))
         assert isinstance(space, spaces.Box) and isinstance(exact, spaces.Box) and table.shape is not None
-        seen = SmallCnn(space) if space.dtype == np.uint8 else RelativeFeatures(space, spec)
+        seen = ChangedPatches(space, spec) if space.dtype == np.uint8 else RelativeFeatures(space, spec)
         known = RelativeFeatures(exact, spec)
         super().__init__(observation_space, seen.features_dim + known.features_dim + table.shape[0])
         self.seen, self.known = seen, known
@@ -68,6 +68,10 @@ class Apart(MlpExtractor):
 class StudentPolicy(MultiInputActorCriticPolicy):
     """An actor that sees what the student sees, and a critic that sees the exact states."""
 
+    def extract_features(self, obs: Any, features_extractor: BaseFeaturesExtractor | None = None) -> torch.Tensor:
+        """The features of observations, which are taken as they are: pictures stay bytes."""
+        return self.features_extractor(obs)
+
     def _build_mlp_extractor(self) -> None:
         features = self.features_extractor
         assert isinstance(features, StudentFeatures) and isinstance(self.net_arch, dict)
@@ -88,7 +92,8 @@ class Student(PPO):
         if self.teacher is None:
             super().train()
             return
-        policy, optimizer = self.policy, self.policy.optimizer
+        policy: Any = self.policy
+        optimizer = policy.optimizer
         policy.set_training_mode(True)
         self._update_learning_rate(optimizer)
         errors: list[torch.Tensor] = []
@@ -96,9 +101,9 @@ class Student(PPO):
             samples: Any
             for samples in self.rollout_buffer.get(self.batch_size):
                 labels = torch.as_tensor(np.asarray(self.teacher(samples.observations[EXACT_STATE].numpy())))
-                distribution: Any = policy.get_distribution(samples.observations).distribution
-                error = imitation_error(distribution.mean, labels)
-                values = policy.predict_values(samples.observations).flatten()
+                latent, latent_vf = policy.mlp_extractor(policy.extract_features(samples.observations))
+                error = imitation_error(policy.action_net(latent), labels)
+                values = policy.value_net(latent_vf).flatten()
                 loss = error + self.vf_coef * functional.mse_loss(values, samples.returns)
                 optimizer.zero_grad()
                 loss.backward()
