@@ -10,10 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from gymnasium import spaces
 
 from agents.conditions import EXACT, Conditions
+from agents.features import ChangedPatches
 from agents.files import read_json
-from agents.models import export_policy, load_player
+from agents.measuring.evaluation import play_task
+from agents.models import ModelPlayer, Sight, export_policy, load_player, player_of
 from agents.sb3_files import read_model
 from agents.training import ppo
 from agents.training.distill import SHARES, DistillArgs, build, load_teacher, make_env, make_student, resolve
@@ -23,6 +26,7 @@ from agents.training.student_tables import EXACT_STATE, SEEN, TABLE, StudentTabl
 from agents.training.train import train
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.opponents.trained import trained_policy
+from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 
 K = 3
 RANGES = {"wall_restitution": (0.7, 0.9), "length": (2.2, 2.4)}
@@ -30,6 +34,9 @@ ARGS = DistillArgs(
     num_envs=16, n_steps=8, batch_size=32, n_epochs=1, net_width=16, stack=K, camera="robot", randomize="tables",
     steps=1024, imitation_steps=512, eval_episodes=2, report_episodes=2, video_seconds=0.0, teacher="adept",
 )  # fmt: skip
+PICTURES = dataclasses.replace(
+    ARGS, task="defend", obs_type="grayscale", stack=2, camera=None, randomize=None, steps=256, imitation_steps=128
+)
 UPDATE = 16 * 8
 
 
@@ -159,6 +166,85 @@ class TestStudent:
         seen: Any = model._last_obs
         expected, _ = model.predict(seen, deterministic=True)
         np.testing.assert_allclose(policy(seen[SEEN]), expected, atol=2e-5)
+
+
+class TestPictures:
+    """Students that see grey pictures."""
+
+    def test_who_sees_what(self) -> None:
+        model = make_student(PICTURES)
+        seen: dict[str, torch.Tensor] = {name: torch.as_tensor(part) for name, part in model.env.reset().items()}  # type: ignore[union-attr]
+        assert seen[SEEN].shape == (16, 2, 84, 84) and seen[SEEN].dtype == torch.uint8
+        action, value, _ = model.policy(seen, deterministic=True)
+        for name, changes_actions in ((SEEN, True), (EXACT_STATE, False)):
+            other, other_value, _ = model.policy({**seen, name: seen[name] + 1}, deterministic=True)
+            assert bool((other != action).any()) == changes_actions
+            assert bool((other_value != value).any()) != changes_actions
+
+    def test_a_run(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        """In a task, imitation and then PPO: it plays as the model does, from memory and from its file."""
+        monkeypatch.chdir(tmp_path)
+        folder = train(dataclasses.replace(PICTURES, name="student", video_seconds=0.1))
+        history = json.loads(folder.evaluations.read_text())
+        assert {(row["task"], row["episodes"]) for row in history["evaluations"] + history["report"]} == {("defend", 2)}
+        assert folder.video.exists() and not folder.policy.exists()
+
+        model = Student.load(folder.model, device="cpu")
+        env = make_env(PICTURES)
+        seed_tables(env, list(range(16)))
+        env.reset()
+        for _ in range(8):
+            seen: Any = env.step(np.full((16, 2), 0.5, np.float32))[0]
+        expected, _ = model.predict(seen, deterministic=True)
+        players = player_of(model), load_player("student")
+        for player in players:
+            assert isinstance(player, ModelPlayer) and player.sight == Sight("grayscale", stack=2)
+            np.testing.assert_allclose(player.answer(seen[SEEN]), expected, atol=1e-6)
+        assert play_task(players[0], "defend", 4) == play_task(players[1], "defend", 4)
+
+        train(DistillArgs(resume="student", steps=256 + UPDATE))
+        assert json.loads(folder.evaluations.read_text())["updates"][-1]["steps"] == 256 + UPDATE
+
+    def test_one_picture_is_not_enough(self) -> None:
+        with pytest.raises(ValueError, match=r"--stack .* got 1"):
+            resolve(dataclasses.replace(PICTURES, stack=1))
+
+    def test_the_opponent_is_that_of_the_task(self) -> None:
+        for task, attended in (("defend", False), ("point", True)):
+            env = make_env(dataclasses.replace(PICTURES, task=task))
+            before: Any = env.reset()
+            for _ in range(3):
+                after: Any = env.step(np.zeros((16, 2), np.float32))[0]
+            moved = (after[EXACT_STATE][:, 4:6] != before[EXACT_STATE][:, 4:6]).any()
+            assert moved == attended
+
+
+class TestChangedPatches:
+    def test_the_sum_over_patches_that_differ(self) -> None:
+        env = AirHockeySB3VecEnv(3, obs_type="grayscale", stack=2)
+        env.seed(1)
+        env.reset()
+        for _ in range(20):
+            pictures, *_ = env.step(np.ones((3, 2), np.float32))
+        space = env.observation_space
+        assert isinstance(space, spaces.Box)
+        network = ChangedPatches(space, width=5)
+        first, second = (
+            lambda row, layer=layer: np.maximum(layer.weight.detach().numpy() @ row + layer.bias.detach().numpy(), 0.0)
+            for layer in (network.first, network.second)
+        )
+        expected, count = np.zeros((3, 15)), 0
+        for table, i, j in np.ndindex(3, 21, 21):
+            area = (..., slice(4 * i, 4 * i + 4), slice(4 * j, 4 * j + 4))
+            difference = pictures[table][area].astype(float) - network.empty.numpy()[area]
+            if difference.any():
+                x, y = j / 10.0 - 1.0, i / 10.0 - 1.0
+                hidden = second(first(np.array([*difference.flatten() / 128.0, x, y])))
+                expected[table] += np.concatenate([hidden, hidden * x, hidden * y])
+                count += 1
+        assert 3 * 6 < count < 3 * 60, "most of them show the empty table"
+        for given in (torch.as_tensor(pictures), torch.as_tensor(pictures).float()):
+            np.testing.assert_allclose(network(given).detach().numpy(), expected, atol=1e-4)
 
 
 class TestRecipe:
