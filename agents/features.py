@@ -1,4 +1,4 @@
-"""Feature extractors: the position of the puck relative to the paddle for states, and two networks for pictures.
+"""Feature extractors: the position of the puck relative to the paddle for states, and convolutions for pictures.
 
 Where a shot goes depends on millimetres between paddle and puck, which are small differences of large numbers in the
 observation. A fixed linear layer in front of the network computes them at a useful scale. It costs nothing when the
@@ -7,8 +7,6 @@ exported policy plays, because it is folded into the weights of the first layer.
 
 from __future__ import annotations
 
-import functools
-
 import numpy as np
 import torch
 from gymnasium import spaces
@@ -16,8 +14,6 @@ from numpy.typing import NDArray
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 
 from airhockey_env.checks import MOST_STACK
-from airhockey_env.drawing.pixels import SIZE, Pixels
-from airhockey_env.kernel.parameters import make_parameters
 from airhockey_env.kernel.state import OBSERVATION_SIZE, ROW_SIZE, observation_shape
 from airhockey_env.tables import FULL_SIZE, TableSpec
 
@@ -103,54 +99,6 @@ class SmallCnn(BaseFeaturesExtractor):
         patches = self.patches
         seen = torch.nn.functional.conv2d(observations, patches.weight / 255.0, patches.bias, patches.stride)
         return self.layers(seen)
-
-
-_PATCH = 4
-"""Width and height of a patch, px. As bytes, a row of a patch is one int32, which makes comparing quick."""
-
-_PATCHES = SIZE // _PATCH
-
-
-class ChangedPatches(BaseFeaturesExtractor):
-    """A network for stacks of grey 84 x 84 pictures that looks only where they differ from the empty table.
-
-    The pictures are cut into patches of 4 x 4 pixels. A patch that shows the empty table in every picture of the stack
-    is left out, and more than nine in ten are such. The others go through the same two layers, each with its position,
-    and the results are summed over the patches, as they are and multiplied by both coordinates: the form of Zaheer et
-    al., "Deep Sets" (NeurIPS 2017). What has been learned about a disc in one place therefore holds everywhere.
-
-    Pictures may be bytes, which is quickest, or the same numbers in another type. Use `normalize_images=False` in the
-    policy.
-    """
-
-    empty: torch.Tensor
-
-    def __init__(self, observation_space: spaces.Box, spec: TableSpec = FULL_SIZE, width: int = 64) -> None:
-        super().__init__(observation_space, 3 * width)
-        pictures = observation_space.shape[0]
-        self.first = torch.nn.Linear(pictures * _PATCH**2 + 2, width)
-        self.second = torch.nn.Linear(width, width)
-        picture = Pixels("grayscale").background(make_parameters(spec, 50.0)).reshape(SIZE, SIZE)
-        self.register_buffer("empty", torch.tensor(picture))
-
-    def forward(self, observations: torch.Tensor) -> torch.Tensor:
-        pictures = observations.to(torch.uint8).contiguous()
-        rows = pictures.view(torch.int32).view(len(pictures), -1, _PATCHES, _PATCH, _PATCHES)
-        empty = self.empty.view(torch.int32).view(_PATCHES, _PATCH, _PATCHES)
-        changed = _any(_any(rows != empty, 3), 1)
-        table, i, j = changed.nonzero(as_tuple=True)
-        patches, plain = (part.contiguous().view(torch.uint8) for part in (rows[table, :, i, :, j], empty[i, :, j]))
-        differences = (patches.float() - plain.float()[:, None]) / 128.0
-        x, y = ((2.0 / (_PATCHES - 1) * number.float() - 1.0)[:, None] for number in (j, i))
-        seen = torch.cat([differences.flatten(1), x, y], dim=1)
-        hidden = torch.relu(self.second(torch.relu(self.first(seen))))
-        parts = torch.cat([hidden, hidden * x, hidden * y], dim=1)
-        return torch.zeros(len(pictures), parts.shape[1], device=parts.device).index_add(0, table, parts)
-
-
-def _any(flags: torch.Tensor, axis: int) -> torch.Tensor:
-    """The same as `flags.any(axis)`, which is several times slower along short axes that are not the last."""
-    return functools.reduce(torch.logical_or, flags.unbind(axis))
 
 
 def stack_of_shape(shape: tuple[int, ...]) -> int:

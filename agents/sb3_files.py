@@ -27,8 +27,10 @@ from stable_baselines3.common.save_util import recursive_getattr
 from stable_baselines3.common.torch_layers import FlattenExtractor, NatureCNN
 from torch import nn
 
-from agents.features import ChangedPatches, RelativeFeatures, SmallCnn, stack_of_shape
+from agents.features import RelativeFeatures, SmallCnn, stack_of_shape
+from agents.sight import StateFromPictures
 from airhockey_env.files import check_archive, parse_json
+from airhockey_env.tables import FULL_SIZE
 
 MOST_BYTES, MOST_TIMES = 64 * 2**20, 4
 """A file may unpack to `MOST_BYTES`, or to `MOST_TIMES` its own size if that is more: Stable-Baselines3 does not
@@ -355,7 +357,7 @@ def _features(
     pictures = len(shape) == 3
     if named == _STUDENT:
         weights = {name.removeprefix("seen."): part for name, part in weights.items() if name.startswith("seen.")}
-        named = str(ChangedPatches if pictures else RelativeFeatures)
+        named = str(StateFromPictures if pictures else RelativeFeatures)
     module: nn.Module
     if not weights and named in (None, str(FlattenExtractor)):
         module, width = nn.Flatten(), math.prod(shape)
@@ -365,8 +367,9 @@ def _features(
     elif pictures and ("patches.weight" in weights and named == str(SmallCnn)):
         width = len(weights["layers.4.bias"])
         module = SmallCnn(spaces.Box(0, 255, shape, np.uint8), width)
-    elif pictures and "empty" in weights and named == str(ChangedPatches):
-        module = ChangedPatches(spaces.Box(0, 255, shape, np.uint8), width=len(weights["first.bias"]))
+    elif pictures and "centres.empty" in weights and named == str(StateFromPictures):
+        widths = (len(weights[name]) for name in ("centres.weigh.0.bias", "state.0.bias"))
+        module = StateFromPictures(spaces.Box(0, 255, shape, np.uint8), FULL_SIZE, *widths)
         width = module.features_dim
     elif pictures and "cnn.0.weight" in weights and named in (None, str(NatureCNN)):
         width = len(weights["linear.0.bias"])

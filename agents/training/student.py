@@ -23,7 +23,8 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, MlpExtr
 from torch import nn
 from torch.nn import functional
 
-from agents.features import ChangedPatches, RelativeFeatures
+from agents.features import RelativeFeatures
+from agents.sight import StateFromPictures
 from agents.training.student_tables import EXACT_STATE, SEEN, TABLE
 from airhockey_env.opponents.players import Policy
 from airhockey_env.tables import FULL_SIZE, TableSpec
@@ -39,7 +40,7 @@ class StudentFeatures(BaseFeaturesExtractor):
     def __init__(self, observation_space: spaces.Dict, spec: TableSpec = FULL_SIZE) -> None:
         space, exact, table = (observation_space[name] for name in (SEEN, EXACT_STATE, TABLE))
         assert isinstance(space, spaces.Box) and isinstance(exact, spaces.Box) and table.shape is not None
-        seen = ChangedPatches(space, spec) if space.dtype == np.uint8 else RelativeFeatures(space, spec)
+        seen = StateFromPictures(space, spec) if space.dtype == np.uint8 else RelativeFeatures(space, spec)
         known = RelativeFeatures(exact, spec)
         super().__init__(observation_space, seen.features_dim + known.features_dim + table.shape[0])
         self.seen, self.known = seen, known
@@ -47,6 +48,17 @@ class StudentFeatures(BaseFeaturesExtractor):
     def forward(self, observations: dict[str, torch.Tensor]) -> torch.Tensor:
         seen, known = self.seen(observations[SEEN]), self.known(observations[EXACT_STATE])
         return torch.cat([seen, known, observations[TABLE]], dim=1)
+
+    def estimation_error(self, features: torch.Tensor) -> torch.Tensor:
+        """The mean error of the state that is estimated from pictures, where there are any, else 0.
+
+        Args:
+            features: what `forward` has returned.
+        """
+        if not isinstance(self.seen, StateFromPictures):
+            return features.new_zeros(())
+        estimated, exact = features.split([self.seen.features_dim, features.shape[1] - self.seen.features_dim], dim=1)
+        return functional.smooth_l1_loss(estimated, exact[:, : self.known.features_dim], beta=LINEAR_FROM)
 
 
 class Apart(MlpExtractor):
@@ -101,10 +113,12 @@ class Student(PPO):
             samples: Any
             for samples in self.rollout_buffer.get(self.batch_size):
                 labels = torch.as_tensor(np.asarray(self.teacher(samples.observations[EXACT_STATE].numpy())))
-                latent, latent_vf = policy.mlp_extractor(policy.extract_features(samples.observations))
+                features = policy.extract_features(samples.observations)
+                latent, latent_vf = policy.mlp_extractor(features)
                 error = imitation_error(policy.action_net(latent), labels)
                 values = policy.value_net(latent_vf).flatten()
-                loss = error + self.vf_coef * functional.mse_loss(values, samples.returns)
+                loss = error + policy.features_extractor.estimation_error(features)
+                loss = loss + self.vf_coef * functional.mse_loss(values, samples.returns)
                 optimizer.zero_grad()
                 loss.backward()
                 nn.utils.clip_grad_norm_(policy.parameters(), self.max_grad_norm)

@@ -13,11 +13,11 @@ import torch
 from gymnasium import spaces
 
 from agents.conditions import EXACT, Conditions
-from agents.features import ChangedPatches
 from agents.files import read_json
 from agents.measuring.evaluation import play_task
 from agents.models import ModelPlayer, Sight, export_policy, load_player, player_of
 from agents.sb3_files import read_model
+from agents.sight import PATCH, PATCHES, Centres, StateFromPictures
 from agents.training import ppo
 from agents.training.distill import SHARES, DistillArgs, build, load_teacher, make_env, make_student, resolve
 from agents.training.learning import Falling, seed_tables
@@ -27,6 +27,7 @@ from agents.training.train import train
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.opponents.trained import trained_policy
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
+from airhockey_env.tables import FULL_SIZE
 
 K = 3
 RANGES = {"wall_restitution": (0.7, 0.9), "length": (2.2, 2.4)}
@@ -219,32 +220,60 @@ class TestPictures:
             assert moved == attended
 
 
-class TestChangedPatches:
-    def test_the_sum_over_patches_that_differ(self) -> None:
+class TestStateFromPictures:
+    @pytest.fixture
+    def pictures(self) -> np.ndarray:
+        """Stacks of two pictures of three tables."""
         env = AirHockeySB3VecEnv(3, obs_type="grayscale", stack=2)
         env.seed(1)
         env.reset()
         for _ in range(20):
             pictures, *_ = env.step(np.ones((3, 2), np.float32))
-        space = env.observation_space
-        assert isinstance(space, spaces.Box)
-        network = ChangedPatches(space, width=5)
-        first, second = (
-            lambda row, layer=layer: np.maximum(layer.weight.detach().numpy() @ row + layer.bias.detach().numpy(), 0.0)
-            for layer in (network.first, network.second)
-        )
-        expected, count = np.zeros((3, 15)), 0
-        for table, i, j in np.ndindex(3, 21, 21):
-            area = (..., slice(4 * i, 4 * i + 4), slice(4 * j, 4 * j + 4))
-            difference = pictures[table][area].astype(float) - network.empty.numpy()[area]
-            if difference.any():
-                x, y = j / 10.0 - 1.0, i / 10.0 - 1.0
-                hidden = second(first(np.array([*difference.flatten() / 128.0, x, y])))
-                expected[table] += np.concatenate([hidden, hidden * x, hidden * y])
-                count += 1
-        assert 3 * 6 < count < 3 * 60, "most of them show the empty table"
-        for given in (torch.as_tensor(pictures), torch.as_tensor(pictures).float()):
-            np.testing.assert_allclose(network(given).detach().numpy(), expected, atol=1e-4)
+        return pictures
+
+    def test_centres_of_the_patches_that_differ(self, pictures: np.ndarray) -> None:
+        network = Centres(FULL_SIZE, width=5)
+        expected, count = np.zeros((3, 2, 15)), 0
+        for table, k in np.ndindex(3, 2):
+            total, moments = np.zeros(5), np.zeros((2, 5))
+            for i, j in np.ndindex(PATCHES, PATCHES):
+                area = slice(PATCH * i, PATCH * (i + 1)), slice(PATCH * j, PATCH * (j + 1))
+                difference = pictures[table, k][area].astype(float) - network.empty.numpy()[area]
+                if difference.any():
+                    x, y = j / 10.0 - 1.0, i / 10.0 - 1.0
+                    row = torch.tensor([*(difference.flatten() / 128.0), x, y], dtype=torch.float32)
+                    weights = network.weigh(row).detach().numpy()
+                    total, moments = total + weights, moments + np.outer([x, y], weights)
+                    count += 1
+            expected[table, k] = np.concatenate([0.1 * total, *(moments / (total + 0.01))])
+        assert 6 * 6 < count < 6 * 40, "most of them show the empty table"
+        expected[:, 0] = 4.0 * (expected[:, 1] - expected[:, 0])
+        seen = network(torch.as_tensor(pictures)).detach().numpy()
+        np.testing.assert_allclose(seen, expected.reshape(3, 30), atol=1e-4)
+
+    def test_pictures_of_the_empty_table(self) -> None:
+        network = Centres(FULL_SIZE, width=5)
+        assert (network(network.empty.expand(2, 3, 84, 84)) == 0.0).all()
+
+    def test_it_learns_where_the_puck_is(self, pictures: np.ndarray) -> None:
+        space = spaces.Box(0, 255, (2, 84, 84), np.uint8)
+        network, model = StateFromPictures(space), make_student(PICTURES)
+        assert network(torch.as_tensor(pictures)).shape == (3, 17)
+        as_numbers = network(torch.as_tensor(pictures).float())
+        torch.testing.assert_close(as_numbers, network(torch.as_tensor(pictures)))
+
+        seed_tables(model.env, list(range(16)))  # type: ignore[arg-type]
+
+        def error() -> float:
+            seen, _ = model.policy.obs_to_tensor(model._last_obs)  # type: ignore[arg-type]
+            with torch.no_grad():
+                features: Any = model.policy.extract_features(seen)
+                return float((features[:, 8:10] - features[:, 17 + 8 : 17 + 10]).abs().mean())
+
+        model.learn(UPDATE, callback=Imitation(trained_policy("adept"), 10**6))
+        before = error()
+        model.learn(40 * UPDATE, callback=Imitation(trained_policy("adept"), 10**6))
+        assert error() < 0.7 * before
 
 
 class TestRecipe:
