@@ -21,7 +21,7 @@ from agents.options import Count, OptionalCount, check_ranges
 from agents.sb3_files import read_model
 from agents.training import ppo
 from agents.training.learning import Falling
-from agents.training.recipe import History, Phase, Recipe, Setup, conditions_of
+from agents.training.recipe import TASK_EVALUATION, History, Phase, Recipe, Setup, conditions_of
 from agents.training.report import print_task_result
 from agents.training.runs import RunFolder
 from agents.training.stopping import Stop
@@ -120,6 +120,7 @@ def build(args: DistillArgs, new: bool) -> Setup:
             evaluate=partial(evaluate_task, args, model),
             report=partial(report_task, args, model),
             frames=partial(frames_of_task, args, model),
+            evaluation=TASK_EVALUATION,
         )
     what = f"points against {short_name(args.eval_opponent)}" if args.task == "point" else args.task
     return setup._replace(
@@ -224,4 +225,4 @@ def frames_of_task(args: DistillArgs, model: Student, folder: RunFolder) -> Iter
     )
 
 
-RECIPE = Recipe("distill", DistillArgs, resolve, build, {})
+RECIPE = Recipe("distill", DistillArgs, resolve, build)

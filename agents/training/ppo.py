@@ -145,6 +145,7 @@ def setup(args: PpoArgs, model: PPO, league: League | None = None) -> Setup:
             size=(640, 344),
             conditions=conditions_of(args),
         ),
+        evaluation=EVALUATION,
         league=league,
     )
 
@@ -278,4 +279,4 @@ def report(args: PpoArgs, model: PPO, history: History, stop: Stop) -> list[dict
     return [result.as_dict() for result in results]
 
 
-RECIPE = Recipe("train_ppo", PpoArgs, resolve, build, EVALUATION)
+RECIPE = Recipe("train_ppo", PpoArgs, resolve, build)

@@ -52,4 +52,4 @@ def build(args: SelfPlayArgs, new: bool) -> Setup:
     return ppo.setup(args, ppo.start_model(args, new), League(args))
 
 
-RECIPE = Recipe("train_self_play", SelfPlayArgs, resolve, build, ppo.EVALUATION)
+RECIPE = Recipe("train_self_play", SelfPlayArgs, resolve, build)

@@ -175,7 +175,7 @@ def _resume(args: TrainArgs, stack: contextlib.ExitStack) -> Run:
     args = _resolved(dataclasses.replace(kept, steps=asked or kept.steps))
     torch.set_num_threads(args.threads)
     setup = recipe.build(args, False)
-    history = checkpoints.load(folder, setup, recipe.evaluation)
+    history = checkpoints.load(folder, setup)
     done = setup.model.num_timesteps
     rollout = setup.model.n_envs * getattr(setup.model, "n_steps", 1)  # off-policy algorithms collect a step at a time
     if asked is not None and done >= asked + rollout:
