@@ -164,6 +164,24 @@ def export_policy(model: Any) -> MlpPolicy:
     return _folded(weights, biases, activation, matrix, clip, squash=actor is not None, stack=stack)
 
 
+def player_of(model: Any) -> MlpPolicy | ModelPlayer:
+    """The deterministic player of a PPO model that is being trained, whether it sees states or grey pictures."""
+    import torch
+
+    space = seen_space(model)
+    if space.dtype != np.uint8:
+        return export_policy(model)
+    policy = model.policy
+
+    @torch.no_grad()
+    def answer(seen: NDArray[Any]) -> NDArray[Any]:
+        features = policy.features_extractor.seen(torch.as_tensor(seen, device=policy.device))
+        outputs = policy.action_net(policy.mlp_extractor.forward_actor(features))
+        return _action(outputs.cpu().numpy())
+
+    return ModelPlayer(answer, Sight("grayscale", stack=space.shape[0]))
+
+
 def _folded(
     weights: list[NDArray[np.float32]],
     biases: list[NDArray[np.float32]],

@@ -28,7 +28,9 @@ from stable_baselines3.common.torch_layers import FlattenExtractor, NatureCNN
 from torch import nn
 
 from agents.features import RelativeFeatures, SmallCnn, stack_of_shape
+from agents.sight import StateFromPictures
 from airhockey_env.files import check_archive, parse_json
+from airhockey_env.tables import FULL_SIZE
 
 MOST_BYTES, MOST_TIMES = 64 * 2**20, 4
 """A file may unpack to `MOST_BYTES`, or to `MOST_TIMES` its own size if that is more: Stable-Baselines3 does not
@@ -46,6 +48,9 @@ ACTIVATIONS: dict[str, type[nn.Module]] = {
 _GLOBALS = {"collections OrderedDict", "torch._utils _rebuild_tensor_v2", "torch._utils _rebuild_parameter"}
 """The globals that weights need, besides types of storages. `weights_only` allows more, such as a bytearray of any
 size."""
+
+_STUDENT, _SEEN = "<class 'agents.training.student.StudentFeatures'>", re.compile(r"'seen': Box\([^()]*\(([\d, ]+)\)")
+"""The features of a student, and in its space the shape of what it sees, as they stand beside their pickles."""
 
 _STORAGE = re.compile(r"torch (Float|Double|Half|BFloat16|Long|Int|Short|Char|Byte|Bool)Storage")
 
@@ -292,8 +297,8 @@ def actor_of(saved: SavedModel) -> Actor:
 
 def _actor(saved: SavedModel) -> Actor:
     weights, kwargs = dict(saved.params["policy"]), saved.data.get("policy_kwargs", {})
-    space = saved.data.get("observation_space")
-    if not isinstance(kwargs, dict) or not isinstance(space, dict) or not isinstance(space.get("_shape"), list):
+    shape = _shape(saved.data.get("observation_space"))
+    if not isinstance(kwargs, dict) or shape is None:
         raise NeedsTrust("its data do not tell in plain text what the network sees")
     known = [kind for kind in _KINDS if kind.mark in weights]
     if not known:
@@ -320,7 +325,6 @@ def _actor(saved: SavedModel) -> Actor:
     activation = kind.activation if "activation_fn" not in kwargs else ACTIVATIONS.get(str(kwargs["activation_fn"]))
     if activation is None:
         raise NeedsTrust(f"its activation function is not known here: {kwargs['activation_fn']!r}")
-    shape = tuple(int(side) for side in space["_shape"])
     if not shape or min(shape) < 1 or max(shape) > 4096 or len(shape) > 3:
         raise ValueError(f"observations of shape {shape}")
     module, width = _features(features, shape, kwargs)
@@ -335,12 +339,25 @@ def _actor(saved: SavedModel) -> Actor:
     return Actor(module, tuple(layers), activation, clip, squash, shape)
 
 
+def _shape(space: Any) -> tuple[int, ...] | None:
+    """The shape of one observation, as the text of a model file's space tells it; None if it does not."""
+    if not isinstance(space, dict):
+        return None
+    if isinstance(space.get("_shape"), list):
+        return tuple(int(side) for side in space["_shape"])
+    seen = _SEEN.search(str(space.get("spaces")))
+    return tuple(int(side) for side in seen[1].split(",") if side.strip()) if seen else None
+
+
 def _features(
     weights: dict[str, torch.Tensor], shape: tuple[int, ...], kwargs: dict[str, Any]
 ) -> tuple[nn.Module, int]:
     """The feature extractor before the layers, and its number of outputs."""
     named = kwargs.get("features_extractor_class")
     pictures = len(shape) == 3
+    if named == _STUDENT:
+        weights = {name.removeprefix("seen."): part for name, part in weights.items() if name.startswith("seen.")}
+        named = str(StateFromPictures if pictures else RelativeFeatures)
     module: nn.Module
     if not weights and named in (None, str(FlattenExtractor)):
         module, width = nn.Flatten(), math.prod(shape)
@@ -350,6 +367,10 @@ def _features(
     elif pictures and ("patches.weight" in weights and named == str(SmallCnn)):
         width = len(weights["layers.4.bias"])
         module = SmallCnn(spaces.Box(0, 255, shape, np.uint8), width)
+    elif pictures and "centres.empty" in weights and named == str(StateFromPictures):
+        widths = (len(weights[name]) for name in ("centres.weigh.0.bias", "state.0.bias"))
+        module = StateFromPictures(spaces.Box(0, 255, shape, np.uint8), FULL_SIZE, *widths)
+        width = module.features_dim
     elif pictures and "cnn.0.weight" in weights and named in (None, str(NatureCNN)):
         width = len(weights["linear.0.bias"])
         module = NatureCNN(spaces.Box(0, 255, shape, np.uint8), width)

@@ -49,16 +49,13 @@ def save(folder: RunFolder, setup: Setup, history: History) -> None:
         raise OSError(f"{folder.path} could not be saved, its last checkpoint is intact: {error}") from error
 
 
-def load(folder: RunFolder, setup: Setup, evaluation: dict[str, Any]) -> History:
+def load(folder: RunFolder, setup: Setup) -> History:
     """Load what `save` wrote into a newly built model and its league, and return the records.
-
-    Args:
-        evaluation: a row of an evaluation, as a pattern of `read_json`.
 
     Raises:
         OSError, ValueError: a file is missing or damaged.
     """
-    history = read_json(folder.evaluations, {**HISTORY, "evaluations": [{**TIMES, **evaluation}]})
+    history = read_json(folder.evaluations, {**HISTORY, "evaluations": [{**TIMES, **setup.evaluation}]})
     load_weights(setup.model, folder.model)
     if isinstance(setup.model, OffPolicyAlgorithm):
         load_buffer(setup.model.replay_buffer, folder.buffer)

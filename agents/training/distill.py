@@ -7,27 +7,38 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import tyro
+from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.conditions import EXACT
-from agents.models import load_player
+from agents.measuring.evaluation import SOLO_TASKS, TaskResult, play_task
+from agents.models import load_player, player_of, short_name
 from agents.options import Count, OptionalCount, check_ranges
 from agents.sb3_files import read_model
 from agents.training import ppo
 from agents.training.learning import Falling
-from agents.training.recipe import History, Phase, Recipe, Setup, conditions_of
+from agents.training.recipe import TASK_EVALUATION, History, Phase, Recipe, Setup, conditions_of
+from agents.training.report import print_task_result
 from agents.training.runs import RunFolder
+from agents.training.stopping import Stop
 from agents.training.student import Imitation, Student, StudentFeatures, StudentPolicy
 from agents.training.student_tables import StudentTables
+from agents.video import frames_of_play
 from airhockey_env.cameras import CAMERAS
 from airhockey_env.checks import check_choice
+from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.opponents.policy import MlpPolicy
 
 STEPS = 20_000_000
+
+TRAINED_TASKS = ("point", *SOLO_TASKS)
+
+OBS_KINDS = ("state", "grayscale")
+"""The kinds of observations that a student can see."""
 
 CRITIC_WIDTH = 128
 """Units of the critic's two hidden layers. It sees the exact state, so that it needs fewer than the student."""
@@ -54,6 +65,11 @@ class DistillArgs(ppo.PpoArgs):
     imitation_steps: OptionalCount = None
     """Imitate the teacher for this many steps. After that, the student goes on with PPO. The default is half of
     --steps."""
+    task: str = "point"
+    """Train in this task: "point", "hit" or "defend"."""
+    obs_type: str = "state"
+    """Let the student see the "state", or "grayscale" pictures, of which --stack has to be 2 or more: one picture shows
+    no velocities."""
     imitation_rate: float = 1e-3
     """Use this learning rate while imitating. It falls linearly to a fiftieth."""
     more_cameras: tuple[str, ...] = ()
@@ -81,6 +97,10 @@ def resolve(args: DistillArgs) -> DistillArgs:
         raise ValueError(f"--more-cameras must be fewer than {1.0 / MORE_SHARE:g}, got {len(args.more_cameras)}")
     for camera in args.more_cameras:
         check_choice("--more-cameras", camera, CAMERAS)
+    check_choice("--task", args.task, TRAINED_TASKS)
+    check_choice("--obs-type", args.obs_type, OBS_KINDS)
+    if args.obs_type != "state" and args.stack < 2:
+        raise ValueError(f"--stack must be from 2 up with --obs-type {args.obs_type}, got {args.stack}")
     load_teacher(args.teacher)
     args = dataclasses.replace(args, steps=steps, imitation_steps=imitation)
     return ppo.resolve(args)
@@ -104,8 +124,17 @@ def build(args: DistillArgs, new: bool) -> Setup:
     model = make_student(args)
     if new and args.start is not None:
         take_over(model, RunFolder.open(args.start, "--start"))
-    return ppo.setup(args, model)._replace(
-        title=f"Distilled from {args.teacher}, points against {args.eval_opponent}",
+    setup = ppo.setup(args, model)
+    if args.task != "point":
+        setup = setup._replace(
+            evaluate=partial(evaluate_task, args, model),
+            report=partial(report_task, args, model),
+            frames=partial(frames_of_task, args, model),
+            evaluation=TASK_EVALUATION,
+        )
+    what = f"points against {short_name(args.eval_opponent)}" if args.task == "point" else args.task
+    return setup._replace(
+        title=f"Distilled from {short_name(args.teacher)}, {what}",
         phases=partial(phases, args, model, load_teacher(args.teacher)),
     )
 
@@ -115,6 +144,7 @@ def make_student(args: DistillArgs) -> Student:
     arguments = ppo.model_arguments(args)
     arguments["policy_kwargs"] |= {
         "features_extractor_class": StudentFeatures,
+        "normalize_images": False,
         "net_arch": {"pi": [args.net_width] * 2, "vf": [CRITIC_WIDTH] * 2},
     }
     return Student(StudentPolicy, make_env(args), **arguments)
@@ -142,8 +172,9 @@ def make_env(args: DistillArgs) -> VecMonitor:
     conditions = [dataclasses.replace(whole, **{name: easier[name] for name in left_out}) for left_out in SHARES]
     shares = [*(share * rest for share in SHARES.values()), *(MORE_SHARE for _ in others)]
     ends = [round(share * args.num_envs) for share in np.cumsum(shares)]
+    opponents = None if args.task == "point" else [TASKS[args.task].opponent]
     parts = [
-        ppo.make_tables(args, one, size)
+        ppo.make_tables(args, one, size, args.task, opponents, args.obs_type)
         for one, size in zip([*conditions, *others], np.diff([0, *ends]).tolist(), strict=True)
         if size > 0
     ]
@@ -161,7 +192,45 @@ def phases(args: DistillArgs, model: Student, teacher: MlpPolicy, history: Histo
         if model.num_timesteps >= args.imitation_steps:  # and it was not stopped before
             model.set_noise(args.noise)
     model.lr_schedule = Falling(args.learning_rate, to=0.02, begins=share)
-    yield Phase(f"Points against {' and '.join(args.opponent)}.", "training", make_env(args))
+    what = f"Points against {' and '.join(args.opponent)}." if args.task == "point" else f"The task {args.task}."
+    yield Phase(what, "training", make_env(args))
 
 
-RECIPE = Recipe("distill", DistillArgs, resolve, build, ppo.EVALUATION)
+def evaluate_task(args: DistillArgs, model: Student, stop: Stop) -> dict[str, Any]:
+    """See `Setup.evaluate`."""
+    return play(args, model, args.eval_episodes, "progress", stop).as_dict()
+
+
+def report_task(args: DistillArgs, model: Student, history: History, stop: Stop) -> list[dict[str, Any]]:
+    """See `Setup.report`."""
+    result = play(args, model, args.report_episodes, "report", stop)
+    print_task_result(result)
+    return [result.as_dict()]
+
+
+def play(args: DistillArgs, model: Student, episodes: int, purpose: str, stop: Stop) -> TaskResult:
+    """Play episodes of the task with the student as it is now."""
+    return play_task(
+        player_of(model),
+        args.task,
+        episodes,
+        seed=args.seed,
+        purpose=purpose,
+        conditions=conditions_of(args),
+        observer=stop.observe,
+    )
+
+
+def frames_of_task(args: DistillArgs, model: Student, folder: RunFolder) -> Iterator[NDArray[np.uint8]]:
+    """See `Setup.frames`."""
+    return frames_of_play(
+        player_of(model),
+        TASKS[args.task].opponent,
+        args.video_seconds,
+        size=(640, 344),
+        task=args.task,
+        conditions=conditions_of(args),
+    )
+
+
+RECIPE = Recipe("distill", DistillArgs, resolve, build)

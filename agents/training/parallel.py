@@ -207,7 +207,7 @@ def _work(job: Job, post: Any) -> None:
     folder = _shared_folder(job)
     torch.set_num_threads(job.args.threads)
     setup = job.recipe.build(job.args, False)
-    history = checkpoints.load(folder, setup, job.recipe.evaluation)
+    history = checkpoints.load(folder, setup)
     run = Run(job.recipe, folder, job.args, setup, history, job.owner)
     begun = workers.gather((run.model.num_timesteps, workers.weights_hash(run.model)))
     if len(set(begun)) > 1:

@@ -20,7 +20,7 @@ from agents.conditions import Conditions
 from agents.features import RelativeFeatures
 from agents.files import COUNT, POSITIVE, SHARE, TEXT, or_none
 from agents.measuring.evaluation import OPPONENTS, Result, play_points
-from agents.models import export_policy, short_name
+from agents.models import player_of, short_name
 from agents.options import Address, Count, OptionalCount, Workers, check_cluster, check_ranges
 from agents.training import workers
 from agents.training.league import League
@@ -174,12 +174,13 @@ def setup(args: PpoArgs, model: PPO, league: League | None = None) -> Setup:
         evaluate=partial(evaluate, args, model),
         report=partial(report, args, model),
         frames=lambda folder: frames_of_play(
-            export_policy(model),
+            player_of(model),
             args.eval_opponent,
             args.video_seconds,
             size=(640, 344),
             conditions=conditions_of(args),
         ),
+        evaluation=EVALUATION,
         league=league,
     )
 
@@ -195,6 +196,7 @@ def make_tables(
     num_envs: int,
     task: str = "point",
     opponents: Sequence[Opponent] | None = None,
+    obs_type: str = "state",
 ) -> AirHockeySB3VecEnv:
     """Make so many tables under the given conditions; see `make_env`."""
     return AirHockeySB3VecEnv(
@@ -203,6 +205,7 @@ def make_tables(
         opponent=args.opponent if opponents is None else opponents,
         reward=args.reward,
         **conditions.env_arguments(),
+        obs_type=obs_type,
         stack=args.stack,
         max_episode_steps=TASKS[task].max_episode_steps,
     )
@@ -299,7 +302,7 @@ class Practice(BaseCallback):
 def play(args: PpoArgs, model: PPO, opponent: str, points: int, purpose: str, stop: Stop) -> Result:
     """Play points with the agent as it is now. See `play_points` for the arguments."""
     return play_points(
-        export_policy(model),
+        player_of(model),
         opponent,
         points,
         name=short_name(opponent),
@@ -323,4 +326,4 @@ def report(args: PpoArgs, model: PPO, history: History, stop: Stop) -> list[dict
     return [result.as_dict() for result in results]
 
 
-RECIPE = Recipe("train_ppo", PpoArgs, resolve, build, EVALUATION)
+RECIPE = Recipe("train_ppo", PpoArgs, resolve, build)

@@ -15,6 +15,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
 from agents.conditions import Conditions
+from agents.files import NUMBER, POSITIVE, SHARE
 from agents.options import CameraOption, Count, DelayOption, OptionalCount, RandomizeOption, TableOption
 from agents.training.runs import RunFolder
 from agents.training.stopping import Stop
@@ -23,6 +24,14 @@ if TYPE_CHECKING:
     from agents.training.league import League
 
 Args = TypeVar("Args", bound="TrainArgs")
+
+TASK_EVALUATION = {
+    "episodes": POSITIVE,
+    "success_rate": SHARE,
+    "success_rate_95": (SHARE, SHARE),
+    "mean_seconds": NUMBER,
+}
+"""A row of an evaluation in episodes that succeed or fail, as a pattern of `read_json`."""
 
 History = dict[str, Any]
 """The records of a run in evaluations.json, see `checkpoints.HISTORY`."""
@@ -101,6 +110,7 @@ class Setup(NamedTuple):
     evaluate: Callable[[Stop], dict[str, Any]]  # plays and returns a row for the records
     report: Callable[[History, Stop], list[dict[str, Any]]]  # plays, prints the results and returns them as rows
     frames: Callable[[RunFolder], Iterator[NDArray[np.uint8]]]  # pictures (height, width, 3) for the video
+    evaluation: dict[str, Any]  # a row of `evaluate`, as a pattern of `read_json`
     league: League | None = None  # is saved and loaded with the model
 
 
@@ -111,4 +121,3 @@ class Recipe(NamedTuple):
     args: type[TrainArgs]
     resolve: Callable[[Any], Any]  # checks the options and replaces None by numbers, `steps` among them
     build: Callable[[Any, bool], Setup]  # takes resolved options, and whether the run is new
-    evaluation: dict[str, Any]  # a row of `Setup.evaluate`, as a pattern of `read_json`

@@ -63,7 +63,9 @@ def resolve(args: SelfPlayArgs) -> SelfPlayArgs:
     for kind in args.responses:
         check_choice("--responses", kind, KINDS)
     if args.responses and (args.workers or 1) > 1:
-        raise ValueError(f"--workers must be 1 with --responses, which take processors of this machine, got {args.workers}")
+        raise ValueError(
+            f"--workers must be 1 with --responses, which take processors of this machine, got {args.workers}"
+        )
     return ppo.resolve(dataclasses.replace(args, steps=args.steps or STEPS))
 
 
@@ -72,4 +74,4 @@ def build(args: SelfPlayArgs, new: bool) -> Setup:
     return ppo.setup(args, ppo.start_model(args, new), League(args))
 
 
-RECIPE = Recipe("train_self_play", SelfPlayArgs, resolve, build, ppo.EVALUATION)
+RECIPE = Recipe("train_self_play", SelfPlayArgs, resolve, build)

@@ -23,7 +23,8 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, MlpExtr
 from torch import nn
 from torch.nn import functional
 
-from agents.features import RelativeFeatures, SmallCnn
+from agents.features import RelativeFeatures
+from agents.sight import StateFromPictures
 from agents.training import workers
 from agents.training.student_tables import EXACT_STATE, SEEN, TABLE
 from airhockey_env.opponents.players import Policy
@@ -40,7 +41,7 @@ class StudentFeatures(BaseFeaturesExtractor):
     def __init__(self, observation_space: spaces.Dict, spec: TableSpec = FULL_SIZE) -> None:
         space, exact, table = (observation_space[name] for name in (SEEN, EXACT_STATE, TABLE))
         assert isinstance(space, spaces.Box) and isinstance(exact, spaces.Box) and table.shape is not None
-        seen = SmallCnn(space) if space.dtype == np.uint8 else RelativeFeatures(space, spec)
+        seen = StateFromPictures(space, spec) if space.dtype == np.uint8 else RelativeFeatures(space, spec)
         known = RelativeFeatures(exact, spec)
         super().__init__(observation_space, seen.features_dim + known.features_dim + table.shape[0])
         self.seen, self.known = seen, known
@@ -48,6 +49,17 @@ class StudentFeatures(BaseFeaturesExtractor):
     def forward(self, observations: dict[str, torch.Tensor]) -> torch.Tensor:
         seen, known = self.seen(observations[SEEN]), self.known(observations[EXACT_STATE])
         return torch.cat([seen, known, observations[TABLE]], dim=1)
+
+    def estimation_error(self, features: torch.Tensor) -> torch.Tensor:
+        """The mean error of the state that is estimated from pictures, where there are any, else 0.
+
+        Args:
+            features: what `forward` has returned.
+        """
+        if not isinstance(self.seen, StateFromPictures):
+            return features.new_zeros(())
+        estimated, exact = features.split([self.seen.features_dim, features.shape[1] - self.seen.features_dim], dim=1)
+        return functional.smooth_l1_loss(estimated, exact[:, : self.known.features_dim], beta=LINEAR_FROM)
 
 
 class Apart(MlpExtractor):
@@ -69,6 +81,10 @@ class Apart(MlpExtractor):
 class StudentPolicy(MultiInputActorCriticPolicy):
     """An actor that sees what the student sees, and a critic that sees the exact states."""
 
+    def extract_features(self, obs: Any, features_extractor: BaseFeaturesExtractor | None = None) -> torch.Tensor:
+        """The features of observations, which are taken as they are: pictures stay bytes."""
+        return self.features_extractor(obs)
+
     def _build_mlp_extractor(self) -> None:
         features = self.features_extractor
         assert isinstance(features, StudentFeatures) and isinstance(self.net_arch, dict)
@@ -89,7 +105,8 @@ class Student(PPO):
         if self.teacher is None:
             super().train()
             return
-        policy, optimizer = self.policy, self.policy.optimizer
+        policy: Any = self.policy
+        optimizer = policy.optimizer
         policy.set_training_mode(True)
         self._update_learning_rate(optimizer)
         errors: list[torch.Tensor] = []
@@ -97,10 +114,12 @@ class Student(PPO):
             samples: Any
             for samples in self.rollout_buffer.get(self.batch_size):
                 labels = self._labels(samples.observations[EXACT_STATE])
-                distribution: Any = policy.get_distribution(samples.observations).distribution
-                error = imitation_error(distribution.mean, labels)
-                values = policy.predict_values(samples.observations).flatten()
-                loss = error + self.vf_coef * functional.mse_loss(values, samples.returns)
+                features = policy.extract_features(samples.observations)
+                latent, latent_vf = policy.mlp_extractor(features)
+                error = imitation_error(policy.action_net(latent), labels)
+                values = policy.value_net(latent_vf).flatten()
+                loss = error + policy.features_extractor.estimation_error(features)
+                loss = loss + self.vf_coef * functional.mse_loss(values, samples.returns)
                 optimizer.zero_grad()
                 loss.backward()
                 nn.utils.clip_grad_norm_(policy.parameters(), self.max_grad_norm)

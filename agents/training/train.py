@@ -134,7 +134,7 @@ def _resume(args: TrainArgs, stack: contextlib.ExitStack, cluster: contextlib.Ex
     args = _resolved(dataclasses.replace(kept, steps=asked or kept.steps))
     torch.set_num_threads(args.threads)
     setup = recipe.build(args, False)
-    history = checkpoints.load(folder, setup, recipe.evaluation)
+    history = checkpoints.load(folder, setup)
     done = setup.model.num_timesteps
     rollout = setup.model.n_envs * getattr(setup.model, "n_steps", 1)  # off-policy algorithms collect a step at a time
     if asked is not None and done >= asked + rollout:
@@ -170,7 +170,7 @@ def _learn_with_workers(run: Run, cluster: contextlib.ExitStack, stop: Stop) -> 
     _announce(run)
     with cluster:
         parallel.learn(run, stop)
-    history = checkpoints.load(run.folder, run.setup, run.recipe.evaluation)
+    history = checkpoints.load(run.folder, run.setup)
     run = Run(run.recipe, run.folder, run.args, run.setup, history)
     run.model.set_logger(Logger(None, []))
     _end(run, stop)

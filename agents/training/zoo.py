@@ -19,14 +19,22 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecMonitor, VecTransposeImage
 
 from agents.conditions import Conditions
-from agents.files import NUMBER, POSITIVE, SHARE
 from agents.measuring.evaluation import CONTROL_HZ, wilson_interval
 from agents.models import load_player
 from agents.options import Count
 from agents.seeding import table_seeds
 from agents.training.hyperparameters import Hyperparameters, parse_section, read_section
 from agents.training.learning import seed_tables
-from agents.training.recipe import History, Phase, Recipe, Setup, TrainArgs, conditions_of, with_conditions
+from agents.training.recipe import (
+    TASK_EVALUATION,
+    History,
+    Phase,
+    Recipe,
+    Setup,
+    TrainArgs,
+    conditions_of,
+    with_conditions,
+)
 from agents.training.report import print_successes
 from agents.training.runs import RunFolder
 from agents.training.stopping import Stop
@@ -40,9 +48,6 @@ ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3
 HYPERPARAMS = Path(__file__).parents[1] / "hyperparams"
 
 EPISODES_AT_ONCE = 64
-
-EVALUATION = {"episodes": POSITIVE, "success_rate": SHARE, "success_rate_95": (SHARE, SHARE), "mean_seconds": NUMBER}
-"""A row of an evaluation, as a pattern of `read_json`."""
 
 
 @dataclass(frozen=True)
@@ -126,6 +131,7 @@ def build(args: ZooArgs, new: bool) -> Setup:
         evaluate=partial(play, args.eval_episodes, "progress"),
         report=report,
         frames=partial(frames, args, hyperparameters),
+        evaluation=TASK_EVALUATION,
     )
 
 
@@ -208,4 +214,4 @@ def frames(args: ZooArgs, hyperparameters: Hyperparameters, folder: RunFolder) -
     )  # fmt: skip
 
 
-RECIPE = Recipe("train", ZooArgs, resolve, build, EVALUATION)
+RECIPE = Recipe("train", ZooArgs, resolve, build)

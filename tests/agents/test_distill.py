@@ -10,11 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from gymnasium import spaces
 
 from agents.conditions import EXACT, Conditions
 from agents.files import read_json
-from agents.models import export_policy, load_player
+from agents.measuring.evaluation import play_task
+from agents.models import ModelPlayer, Sight, export_policy, load_player, player_of
 from agents.sb3_files import read_model
+from agents.sight import PATCH, PATCHES, Centres, StateFromPictures
 from agents.training import ppo
 from agents.training.distill import SHARES, DistillArgs, build, load_teacher, make_env, make_student, resolve
 from agents.training.learning import Falling, seed_tables
@@ -23,6 +26,8 @@ from agents.training.student_tables import EXACT_STATE, SEEN, TABLE, StudentTabl
 from agents.training.train import train
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.opponents.trained import trained_policy
+from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
+from airhockey_env.tables import FULL_SIZE
 
 K = 3
 RANGES = {"wall_restitution": (0.7, 0.9), "length": (2.2, 2.4)}
@@ -30,6 +35,9 @@ ARGS = DistillArgs(
     num_envs=16, n_steps=8, batch_size=32, n_epochs=1, net_width=16, stack=K, camera="robot", randomize="tables",
     steps=1024, imitation_steps=512, eval_episodes=2, report_episodes=2, video_seconds=0.0, teacher="adept",
 )  # fmt: skip
+PICTURES = dataclasses.replace(
+    ARGS, task="defend", obs_type="grayscale", stack=2, camera=None, randomize=None, steps=256, imitation_steps=128
+)
 UPDATE = 16 * 8
 
 
@@ -159,6 +167,113 @@ class TestStudent:
         seen: Any = model._last_obs
         expected, _ = model.predict(seen, deterministic=True)
         np.testing.assert_allclose(policy(seen[SEEN]), expected, atol=2e-5)
+
+
+class TestPictures:
+    """Students that see grey pictures."""
+
+    def test_who_sees_what(self) -> None:
+        model = make_student(PICTURES)
+        seen: dict[str, torch.Tensor] = {name: torch.as_tensor(part) for name, part in model.env.reset().items()}  # type: ignore[union-attr]
+        assert seen[SEEN].shape == (16, 2, 84, 84) and seen[SEEN].dtype == torch.uint8
+        action, value, _ = model.policy(seen, deterministic=True)
+        for name, changes_actions in ((SEEN, True), (EXACT_STATE, False)):
+            other, other_value, _ = model.policy({**seen, name: seen[name] + 1}, deterministic=True)
+            assert bool((other != action).any()) == changes_actions
+            assert bool((other_value != value).any()) != changes_actions
+
+    def test_a_run(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        """In a task, imitation and then PPO: it plays as the model does, from memory and from its file."""
+        monkeypatch.chdir(tmp_path)
+        folder = train(dataclasses.replace(PICTURES, name="student", video_seconds=0.1))
+        history = json.loads(folder.evaluations.read_text())
+        assert {(row["task"], row["episodes"]) for row in history["evaluations"] + history["report"]} == {("defend", 2)}
+        assert folder.video.exists() and not folder.policy.exists()
+
+        model = Student.load(folder.model, device="cpu")
+        env = make_env(PICTURES)
+        seed_tables(env, list(range(16)))
+        env.reset()
+        for _ in range(8):
+            seen: Any = env.step(np.full((16, 2), 0.5, np.float32))[0]
+        expected, _ = model.predict(seen, deterministic=True)
+        players = player_of(model), load_player("student")
+        for player in players:
+            assert isinstance(player, ModelPlayer) and player.sight == Sight("grayscale", stack=2)
+            np.testing.assert_allclose(player.answer(seen[SEEN]), expected, atol=1e-6)
+        assert play_task(players[0], "defend", 4) == play_task(players[1], "defend", 4)
+
+        train(DistillArgs(resume="student", steps=256 + UPDATE))
+        assert json.loads(folder.evaluations.read_text())["updates"][-1]["steps"] == 256 + UPDATE
+
+    def test_one_picture_is_not_enough(self) -> None:
+        with pytest.raises(ValueError, match=r"--stack .* got 1"):
+            resolve(dataclasses.replace(PICTURES, stack=1))
+
+    def test_the_opponent_is_that_of_the_task(self) -> None:
+        for task, attended in (("defend", False), ("point", True)):
+            env = make_env(dataclasses.replace(PICTURES, task=task))
+            before: Any = env.reset()
+            for _ in range(3):
+                after: Any = env.step(np.zeros((16, 2), np.float32))[0]
+            moved = (after[EXACT_STATE][:, 4:6] != before[EXACT_STATE][:, 4:6]).any()
+            assert moved == attended
+
+
+class TestStateFromPictures:
+    @pytest.fixture
+    def pictures(self) -> np.ndarray:
+        """Stacks of two pictures of three tables."""
+        env = AirHockeySB3VecEnv(3, obs_type="grayscale", stack=2)
+        env.seed(1)
+        env.reset()
+        for _ in range(20):
+            pictures, *_ = env.step(np.ones((3, 2), np.float32))
+        return pictures
+
+    def test_centres_of_the_patches_that_differ(self, pictures: np.ndarray) -> None:
+        network = Centres(FULL_SIZE, width=5)
+        expected, count = np.zeros((3, 2, 15)), 0
+        for table, k in np.ndindex(3, 2):
+            total, moments = np.zeros(5), np.zeros((2, 5))
+            for i, j in np.ndindex(PATCHES, PATCHES):
+                area = slice(PATCH * i, PATCH * (i + 1)), slice(PATCH * j, PATCH * (j + 1))
+                difference = pictures[table, k][area].astype(float) - network.empty.numpy()[area]
+                if difference.any():
+                    x, y = j / 10.0 - 1.0, i / 10.0 - 1.0
+                    row = torch.tensor([*(difference.flatten() / 128.0), x, y], dtype=torch.float32)
+                    weights = network.weigh(row).detach().numpy()
+                    total, moments = total + weights, moments + np.outer([x, y], weights)
+                    count += 1
+            expected[table, k] = np.concatenate([0.1 * total, *(moments / (total + 0.01))])
+        assert 6 * 6 < count < 6 * 40, "most of them show the empty table"
+        expected[:, 0] = 4.0 * (expected[:, 1] - expected[:, 0])
+        seen = network(torch.as_tensor(pictures)).detach().numpy()
+        np.testing.assert_allclose(seen, expected.reshape(3, 30), atol=1e-4)
+
+    def test_pictures_of_the_empty_table(self) -> None:
+        network = Centres(FULL_SIZE, width=5)
+        assert (network(network.empty.expand(2, 3, 84, 84)) == 0.0).all()
+
+    def test_it_learns_where_the_puck_is(self, pictures: np.ndarray) -> None:
+        space = spaces.Box(0, 255, (2, 84, 84), np.uint8)
+        network, model = StateFromPictures(space), make_student(PICTURES)
+        assert network(torch.as_tensor(pictures)).shape == (3, 17)
+        as_numbers = network(torch.as_tensor(pictures).float())
+        torch.testing.assert_close(as_numbers, network(torch.as_tensor(pictures)))
+
+        seed_tables(model.env, list(range(16)))  # type: ignore[arg-type]
+
+        def error() -> float:
+            seen, _ = model.policy.obs_to_tensor(model._last_obs)  # type: ignore[arg-type]
+            with torch.no_grad():
+                features: Any = model.policy.extract_features(seen)
+                return float((features[:, 8:10] - features[:, 17 + 8 : 17 + 10]).abs().mean())
+
+        model.learn(UPDATE, callback=Imitation(trained_policy("adept"), 10**6))
+        before = error()
+        model.learn(40 * UPDATE, callback=Imitation(trained_policy("adept"), 10**6))
+        assert error() < 0.7 * before
 
 
 class TestRecipe:

@@ -139,6 +139,8 @@ distill --imitation-steps -1
 distill --imitation-rate 2
 distill --noise 0
 distill --stack 65
+distill --task chess
+distill --obs-type rgb --stack 3
 distill --camera eagle
 distill --net-width 0
 train --algo dreamer
