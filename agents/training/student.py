@@ -10,7 +10,6 @@ than the actor (Pinto et al., "Asymmetric actor critic for image-based robot lea
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -107,17 +106,6 @@ class Student(PPO):
                 errors.append(error.detach())
         self._n_updates += self.n_epochs
         self.logger.record("train/imitation_error", float(torch.stack(errors).mean()))
-
-    def set_noise(self, deviation: float) -> None:
-        """Let the disturbances of the actions (gSDE) have this standard deviation, on the tables as they are now.
-
-        gSDE multiplies random numbers with the outputs of the last hidden layer, whose size depends on training.
-        """
-        policy: Any = self.policy
-        observations, _ = policy.obs_to_tensor(self._last_obs)
-        with torch.no_grad():
-            latent, _ = policy.mlp_extractor(policy.extract_features(observations))
-            policy.log_std.fill_(math.log(deviation) - 0.5 * math.log(float((latent**2).sum(dim=1).mean())))
 
     def _excluded_save_params(self) -> list[str]:
         return [*super()._excluded_save_params(), "teacher"]
