@@ -225,8 +225,8 @@ def phases(args: PpoArgs, model: PPO, league: League | None, history: History) -
     whom = f"against {names}" + ("" if league is None else " and its past selves")
     if practise and model.num_timesteps < args.steps < ENOUGH_STEPS:
         print(
-            f"{args.steps:,} steps are few. With 2 million, an agent wins about half of the decided points against the "
-            "striker, and with 1 million a fifth or less (docs/training.md)."
+            f"{args.steps:,} steps are few. Agents take about 5 million to win nine of ten decided points against the "
+            "striker (docs/training.md)."
         )
     if practise and history["practice"] is None and args.warmup_steps > 0:
         practice = Practice(args.warmup_steps, args.warmup_success)
