@@ -1,4 +1,4 @@
-"""What runs that differ in their seeds come to: how soon they win, how they end, and what that says of further seeds."""
+"""What runs with different seeds come to: how soon they win, how they end, and what that says of further seeds."""
 
 from __future__ import annotations
 
