@@ -8,6 +8,7 @@ from typing import Annotated
 import tyro
 
 from agents.options import PlotFile, check_output
+from agents.training.across_seeds import print_ends
 from agents.training.curves import draw_curves, print_curves, read_runs
 from scripts._command import run_command
 
@@ -32,6 +33,7 @@ def curves(args: CurvesArgs) -> None:
     check_output("plot", args.plot, ".png")
     runs = read_runs(args.runs)
     print_curves(runs)
+    print_ends(runs)
     if args.plot is not None:
         draw_curves(runs, args.plot)
 

@@ -21,6 +21,7 @@ from agents.options import Count, OptionalCount, check_ranges
 from agents.sb3_files import read_model
 from agents.training import ppo
 from agents.training.learning import Falling
+from agents.training.noise import Noise, set_noise
 from agents.training.recipe import TASK_EVALUATION, History, Phase, Recipe, Setup, conditions_of
 from agents.training.report import print_task_result
 from agents.training.runs import RunFolder
@@ -60,6 +61,8 @@ class DistillArgs(ppo.PpoArgs):
     teacher: str = "expert"
     """Imitate this policy: the name of a trained opponent, a policy.npz or a run's folder. It always sees exact states,
     one at a time."""
+    opponent: tuple[str, ...] = ("striker",)
+    reward: str = "shaped"
     start: str | None = None
     """Begin with the network of this run of the command (its folder, or its name under runs/)."""
     imitation_steps: OptionalCount = None
@@ -79,6 +82,9 @@ class DistillArgs(ppo.PpoArgs):
     docs/robust.md."""
     n_epochs: Count = 2
     """Pass over the samples of an update this many times."""
+    learning_rate: float = 3.5e-4
+    gamma: float = 0.99
+    max_grad_norm: float = 0.5
     net_width: Count = 192
     """Give the student two hidden layers of this many units each."""
     warmup_steps: Annotated[OptionalCount, tyro.conf.Suppress] = 0
@@ -190,10 +196,11 @@ def phases(args: DistillArgs, model: Student, teacher: MlpPolicy, history: Histo
         imitation = Imitation(teacher, args.imitation_steps)
         yield Phase(f"Imitation of {args.teacher}.", "imitation", make_env(args), [imitation])
         if model.num_timesteps >= args.imitation_steps:  # and it was not stopped before
-            model.set_noise(args.noise)
+            set_noise(model, args.noise)
     model.lr_schedule = Falling(args.learning_rate, to=0.02, begins=share)
     what = f"Points against {' and '.join(args.opponent)}." if args.task == "point" else f"The task {args.task}."
-    yield Phase(what, "training", make_env(args))
+    falls = [Noise(args.noise, args.noise_end, args.imitation_steps, args.steps)] if args.noise_end > 0.0 else []
+    yield Phase(what, "training", make_env(args), falls)
 
 
 def evaluate_task(args: DistillArgs, model: Student, stop: Stop) -> dict[str, Any]:

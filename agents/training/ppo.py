@@ -25,6 +25,7 @@ from agents.options import Address, Count, OptionalCount, Workers, check_cluster
 from agents.training import workers
 from agents.training.league import League
 from agents.training.learning import Falling
+from agents.training.noise import Noise
 from agents.training.recipe import History, Phase, Recipe, Setup, TrainArgs, conditions_of, with_conditions
 from agents.training.report import print_results
 from agents.training.start import START_HELP, take_over
@@ -32,6 +33,7 @@ from agents.training.stopping import Stop
 from agents.video import frames_of_play
 from airhockey_env.checks import check_choice
 from airhockey_env.game import REWARDS
+from airhockey_env.kernel.rewards import SHAPING_DISCOUNT
 from airhockey_env.kernel.tasks import TASKS
 from airhockey_env.opponents.players import Player as Opponent
 from airhockey_env.opponents.players import resolve_player, resolve_players
@@ -39,7 +41,7 @@ from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 
 Args = TypeVar("Args", bound="PpoArgs")
 
-STEPS = 20_000_000
+STEPS = 10_000_000
 
 ENOUGH_STEPS = 3_000_000
 """A run with fewer steps warns that it will probably not learn much."""
@@ -65,7 +67,7 @@ class PpoArgs(TrainArgs):
     """Train an agent with PPO, and write everything into one folder, runs/NAME/."""
 
     start: Annotated[str | None, tyro.conf.arg(help=START_HELP)] = None
-    opponent: tuple[str, ...] = ("striker",)
+    opponent: tuple[str, ...] = ("striker", "striker", "striker", "goalie")
     """Train against these opponents, each on the same number of tables: names, paths of policy.npz files, or paths of
     runs' folders. Give one twice to play it twice as often."""
     eval_opponent: str = "striker"
@@ -75,22 +77,25 @@ class PpoArgs(TrainArgs):
     to wait, but not to shoot. The default is half of --steps, but at most 4 million."""
     warmup_success: float = 0.8
     """End the practice as soon as this share of its last 500 episodes succeeds."""
-    reward: str = "shaped"
-    """Learn from this reward: "sparse" (points alone) or "shaped"."""
+    reward: str = "sparse"
+    """Learn to play points from this reward: "sparse" (points alone) or "shaped". Practice always uses "shaped"."""
     num_envs: Count = 512
     """Play on this many tables at once."""
     n_steps: Count = 32
     """Play this many steps on each table between updates."""
     batch_size: Count = 2048
     """Use this many samples in a gradient step."""
-    n_epochs: Count = 3
+    n_epochs: Count = 4
     """Pass over the samples of an update this many times."""
-    learning_rate: float = 3.5e-4
+    learning_rate: float = 7e-4
     """Use this learning rate during practice. After that it falls linearly to a fiftieth."""
-    gamma: float = 0.99
-    """Discount rewards by this factor per step."""
+    gamma: float = 0.995
+    """Discount the rewards of points by this factor per step. With --reward shaped, use 0.99, for which that reward is
+    made: with another discount it pays for standing still. Practice always uses 0.99."""
     gae_lambda: float = 0.95
     """Use this lambda in generalised advantage estimation."""
+    max_grad_norm: float = 5.0
+    """Scale gradients down to this norm if they are longer."""
     clip_range: float = 0.2
     """Clip the probability ratio in PPO's objective to this distance from 1."""
     ent_coef: float = 0.0
@@ -101,7 +106,12 @@ class PpoArgs(TrainArgs):
     log_std_init: float = -2.5
     """Start with disturbances whose standard deviation has this logarithm. With gSDE the network makes them about ten
     times as large."""
-    net_width: Count = 64
+    noise: float = 0.0
+    """Begin to play points with disturbances of the actions of this standard deviation. With 0, they stay as practice
+    has left them, or with --start as --log-std-init makes them."""
+    noise_end: float = 0.0
+    """Let this standard deviation fall geometrically to this value, instead of learning it. With 0, it is learned."""
+    net_width: Count = 128
     """Give the policy and the value network two hidden layers of this many units each."""
     workers: Workers = None
     address: Address = None
@@ -116,7 +126,8 @@ def resolve(args: Args) -> Args:
     check_ranges(
         args, warmup_steps=(0, most), warmup_success=(0, 1), num_envs=(1, most), n_steps=(2, most),
         batch_size=(2, most), n_epochs=(1, most), learning_rate=(0, 1), gamma=(0, 1), gae_lambda=(0, 1),
-        clip_range=(0, 10), ent_coef=(0, 10), sde_sample_freq=(0, most), log_std_init=(-20, 2), net_width=(1, most),
+        max_grad_norm=(0, most), clip_range=(0, 10), ent_coef=(0, 10), sde_sample_freq=(0, most), log_std_init=(-20, 2),
+        noise=(0, 2), noise_end=(0, 2), net_width=(1, most),
     )  # fmt: skip
     check_workers(args)
     args = with_conditions(args)
@@ -203,7 +214,7 @@ def make_tables(
         num_envs,
         task=task,
         opponent=args.opponent if opponents is None else opponents,
-        reward=args.reward,
+        reward="shaped" if task == "hit" else args.reward,
         **conditions.env_arguments(),
         obs_type=obs_type,
         stack=args.stack,
@@ -227,6 +238,7 @@ def model_arguments(args: PpoArgs) -> dict[str, Any]:
         "gae_lambda": args.gae_lambda,
         "clip_range": args.clip_range,
         "ent_coef": args.ent_coef,
+        "max_grad_norm": args.max_grad_norm,
         "use_sde": args.sde_sample_freq > 0,
         "sde_sample_freq": args.sde_sample_freq or -1,
         "policy_kwargs": {
@@ -247,27 +259,36 @@ def phases(args: PpoArgs, model: PPO, league: League | None, history: History) -
     """Shooting practice, unless it is over or not wanted; then points."""
     assert args.steps is not None and args.warmup_steps is not None
     practise = args.start is None
-    whom = (
-        "against " + " and ".join(map(short_name, args.opponent)) + ("" if league is None else " and its past selves")
-    )
+    names = " and ".join(dict.fromkeys(map(short_name, args.opponent)))
+    whom = f"against {names}" + ("" if league is None else " and its past selves")
     if practise and model.num_timesteps < args.steps < ENOUGH_STEPS:
         print(
-            f"{args.steps:,} steps are few. With 2 million, an agent wins about half of the decided points against the "
-            "striker, and with 1 million a fifth or less (docs/training.md)."
+            f"{args.steps:,} steps are few. Agents take about 5 million to win nine of ten decided points against the "
+            "striker (docs/training.md)."
         )
     if practise and history["practice"] is None and args.warmup_steps > 0:
         practice = Practice(args.warmup_steps, args.warmup_success)
         # Practice needs the full learning rate. In a short run it would otherwise have fallen before the agent has
         # learned to shoot, and practice would take most of the steps.
         model.lr_schedule = Falling(args.learning_rate, to=0.02, begins=1.0)
+        set_discount(model, SHAPING_DISCOUNT)
         until = f"until {args.warmup_success:.0%} of it succeeds, or for {args.warmup_steps:,} steps"
         yield Phase(f"Shooting practice {until}.", "practice", make_env(args, "hit", ["idle"]), [practice])
         history["practice"] = model.num_timesteps if practice.over else None
         if model.num_timesteps >= args.steps:
             print(f"All of it was shooting practice. With more --steps, the agent would have played {whom}.")
-    model.lr_schedule = Falling(args.learning_rate, to=0.02, begins=(history["practice"] or 0) / args.steps)
-    opponents, drawn = (None, []) if league is None else (league.pool, [league])
-    yield Phase(f"Points {whom}.", "training", make_env(args, "point", opponents), drawn)
+    first = history["practice"] or 0
+    model.lr_schedule = Falling(args.learning_rate, to=0.02, begins=first / args.steps)
+    set_discount(model, args.gamma)
+    opponents, callbacks = (None, []) if league is None else (league.pool, [league])
+    if args.noise > 0.0:
+        callbacks = [*callbacks, Noise(args.noise, args.noise_end, first, args.steps)]
+    yield Phase(f"Points {whom}.", "training", make_env(args, "point", opponents), callbacks)
+
+
+def set_discount(model: PPO, gamma: float) -> None:
+    """Let a model discount rewards by this factor per step from now on."""
+    model.gamma = model.rollout_buffer.gamma = gamma
 
 
 class Practice(BaseCallback):

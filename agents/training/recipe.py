@@ -46,8 +46,9 @@ class TrainArgs:
     resume: str | None = None
     """Continue this run (its folder, or its name under runs/) with its own options. Only --steps can be changed."""
     steps: OptionalCount = None
-    """Train for this many environment steps in all, such as 20_000_000, 20M or 2e7. The default is 20 million for the
-    baseline, 30 million for self-play, the hyperparameters' n_timesteps, or with --resume the number of the run."""
+    """Train for this many environment steps in all, such as 20_000_000, 20M or 2e7. The default is 10 million for the
+    baseline, 20 million for distillation, 30 million for self-play, the hyperparameters' n_timesteps, or with --resume
+    the number of the run."""
     seed: int = 0
     """Seed the network, the exploration and the tables. Runs with different seeds share no random numbers."""
     eval_every: OptionalCount = None

@@ -31,7 +31,11 @@ class SelfPlayArgs(ppo.PpoArgs):
     opponent: tuple[str, ...] = ("striker", "goalie", "idle")
     """Train against these opponents, and against the agent itself and its past selves: names, paths of policy.npz
     files, or paths of runs' folders."""
+    reward: str = "shaped"
+    n_epochs: Count = 3
     learning_rate: float = 4e-4
+    gamma: float = 0.99
+    max_grad_norm: float = 0.5
     sde_sample_freq: Count = 0
     """Keep each random disturbance of the actions for this many steps (gSDE). With 0, the disturbances of each step are
     independent."""

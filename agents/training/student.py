@@ -10,7 +10,6 @@ than the actor (Pinto et al., "Asymmetric actor critic for image-based robot lea
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,6 @@ from torch.nn import functional
 
 from agents.features import RelativeFeatures
 from agents.sight import StateFromPictures
-from agents.training import workers
 from agents.training.student_tables import EXACT_STATE, SEEN, TABLE
 from airhockey_env.opponents.players import Policy
 from airhockey_env.tables import FULL_SIZE, TableSpec
@@ -132,18 +130,6 @@ class Student(PPO):
         """What the teacher does in these exact states."""
         assert self.teacher is not None
         return torch.as_tensor(np.asarray(self.teacher(exact.cpu().numpy())), device=self.device)
-
-    def set_noise(self, deviation: float) -> None:
-        """Let the disturbances of the actions (gSDE) have this standard deviation, on the tables as they are now.
-
-        gSDE multiplies random numbers with the outputs of the last hidden layer, whose size depends on training.
-        """
-        policy: Any = self.policy
-        observations, _ = policy.obs_to_tensor(self._last_obs)
-        with torch.no_grad():
-            latent, _ = policy.mlp_extractor(policy.extract_features(observations))
-            (size,) = workers.total(float((latent**2).sum(dim=1).mean()))
-            policy.log_std.fill_(math.log(deviation) - 0.5 * math.log(size / workers.number()))
 
     def _excluded_save_params(self) -> list[str]:
         return [*super()._excluded_save_params(), "teacher"]

@@ -21,6 +21,7 @@ from agents.sight import PATCH, PATCHES, Centres, StateFromPictures
 from agents.training import ppo
 from agents.training.distill import SHARES, DistillArgs, build, load_teacher, make_env, make_student, resolve
 from agents.training.learning import Falling, seed_tables
+from agents.training.noise import set_noise
 from agents.training.student import Imitation, Student, imitation_error
 from agents.training.student_tables import EXACT_STATE, SEEN, TABLE, StudentTables
 from agents.training.train import train
@@ -154,7 +155,7 @@ class TestStudent:
     def test_noise(self) -> None:
         model = make_student(ARGS)
         model.learn(UPDATE)
-        model.set_noise(0.2)
+        set_noise(model, 0.2)
         seen = model.policy.obs_to_tensor(model._last_obs)[0]  # type: ignore[arg-type]
         distribution: Any = model.policy.get_distribution(seen).distribution
         assert distribution.variance.mean().item() ** 0.5 == pytest.approx(0.2, rel=0.01)
