@@ -242,9 +242,10 @@ def phases(args: PpoArgs, model: PPO, league: League | None, history: History) -
     first = history["practice"] or 0
     model.lr_schedule = Falling(args.learning_rate, to=0.02, begins=first / args.steps)
     set_discount(model, args.gamma)
-    opponents, callbacks = (None, []) if league is None else (league.pool, [league])
+    opponents = None if league is None else league.pool
+    callbacks: list[BaseCallback] = [] if league is None else [league]
     if args.noise > 0.0:
-        callbacks = [*callbacks, Noise(args.noise, args.noise_end, first, args.steps)]
+        callbacks.append(Noise(args.noise, args.noise_end, first, args.steps))
     yield Phase(f"Points {whom}.", "training", make_env(args, "point", opponents), callbacks)
 
 
