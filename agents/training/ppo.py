@@ -283,7 +283,7 @@ def phases(args: PpoArgs, model: PPO, league: League | None, history: History) -
     opponents = None if league is None else league.pool
     callbacks: list[BaseCallback] = [] if league is None else [league]
     if args.noise > 0.0:
-        callbacks = [*callbacks, Noise(args.noise, args.noise_end, first, args.steps)]
+        callbacks.append(Noise(args.noise, args.noise_end, first, args.steps))
     yield Phase(f"Points {whom}.", "training", make_env(args, "point", opponents), callbacks)
 
 
