@@ -64,7 +64,7 @@ def connect(address: str | None, workers: int) -> Iterator[None]:
 
     Raises:
         gymnasium.error.DependencyNotInstalled: Ray is missing.
-        ConnectionError: there is no cluster at the address.
+        ConnectionError: there is no cluster at the address, or Ray could not be started.
     """
     environment = ALWAYS if address is not None else {**ALWAYS, **OWN}
     before = {name: os.environ.get(name) for name in environment}
@@ -78,7 +78,7 @@ def connect(address: str | None, workers: int) -> Iterator[None]:
             return
         with _own_signals():
             if address is None:
-                ray.init("local", num_cpus=workers, include_dashboard=False, **_QUIET)
+                _start(workers)
             else:
                 _join(address)
         try:
@@ -91,6 +91,15 @@ def connect(address: str | None, workers: int) -> Iterator[None]:
                 del os.environ[name]
             else:
                 os.environ[name] = value
+
+
+def _start(processors: int) -> None:
+    import ray
+
+    try:
+        ray.init("local", num_cpus=processors, include_dashboard=False, **_QUIET)
+    except Exception as error:  # Ray raises no subclass where a busy machine is too slow for it
+        raise ConnectionError(f"Ray could not be started: {error}") from error
 
 
 def _join(address: str) -> None:
