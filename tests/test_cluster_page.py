@@ -28,6 +28,7 @@ def commands() -> list[str]:
     """Every command of ours on the page, on one line and without what a shell computes."""
     text = "\n".join(block.code for block in blocks(PAGE)).replace("\\\n", " ")
     text = re.sub(r'"?\$\(\([^)]*\)\)"?', "8", text)
+    text = re.sub(r"\[(--[^]]*)\]", r"\1", text)  # options that may be left out
     return [line.strip(' "') for line in re.findall(r"python (-m scripts\.\w+[^\n#]*)", text)]
 
 
