@@ -28,7 +28,7 @@ class Scores(NamedTuple):
     random: float
     expert: float
     episodes: int = EPISODES
-    """Of which each is the mean."""
+    """The number of episodes whose mean each reference score is."""
 
     def normalised(self, score: float) -> float:
         """A mean return on the scale of these; NaN if they are equal."""
