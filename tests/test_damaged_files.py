@@ -102,7 +102,8 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
     members.append({**member, "name": "self at 5", "file": "5.npz"})
     (folder / "league").mkdir()
     policy.save(folder / "league" / "5.npz")
-    (folder / "league.json").write_text(json.dumps({"due": 8, "members": members}))
+    responses = {"due": 9, "at": None}
+    (folder / "league.json").write_text(json.dumps({"due": 8, "responses": responses, "members": members}))
     Case("gym", {"task": "hit"}, [{"do": "reset", "seed": 1}]).save(folder / "case.json")
     (folder / "tiny.yml").write_text(
         "AirHockeyHit-v0: {n_timesteps: 8, policy: MlpPolicy, policy_kwargs: 'dict(net_arch=[4])', clip_range: lin_0.2}"

@@ -129,7 +129,7 @@ class League(BaseCallback):
             self.take_in(f"self at {self.num_timesteps}", latest)
         if self.args.responses and self.num_timesteps >= self.responses_due:
             self._see_to_responses(latest)
-            self._remember()
+        self._remember()
         self.logger.record("league/drawn", float(np.mean([member.drawn for member in self.members])))
         self.logger.record("league/won", float(np.mean([member.won for member in self.members])))
 

@@ -53,10 +53,11 @@ class Falling:
     """The share of the run after which it has fallen."""
 
     def __call__(self, remaining: float) -> float:
-        """The value when this share of the run remains. In the last rollout, that can be slightly negative."""
+        """The value when this share of the run remains, which can be negative in the last rollout."""
         left, length = remaining - (1.0 - self.ends), self.ends - self.begins
         stays = length <= 0.0 or left >= length
-        return self.start * (self.to + (1.0 - self.to) * (1.0 if stays else left / length))
+        # A run ends with a whole rollout, so with few steps it can go on long after the last of them.
+        return self.start * (self.to + (1.0 - self.to) * (1.0 if stays else max(left / length, 0.0)))
 
 
 class ProgressBar(BaseCallback):

@@ -80,6 +80,9 @@ def _copy_policy(policy: MlpPolicy, model: PPO) -> None:
         raise ValueError(
             f"--start must be a policy with {len(layers) - 1} hidden layers of ReLU units and clipped outputs"
         )
+    width = len(policy.biases[0])
+    if width != layers[0].out_features:
+        raise ValueError(f"--net-width must be {width}, as in --start, got {layers[0].out_features}")
     weights = [torch.as_tensor(weight) for weight in policy.weights]
     weights[0] = weights[0] @ torch.linalg.pinv(features.matrix.cpu())  # the matrix has full rank, so this undoes it
     for layer, weight, bias in zip(layers, weights, policy.biases, strict=True):

@@ -243,4 +243,4 @@ def test_a_worker_whose_run_was_taken_over_writes_nothing(tmp_path: Path, monkey
             Run(ppo.RECIPE, folder, args, setup, history, "process 1 on another machine").save()
     assert folder.evaluations.read_bytes() == checkpoint
     assert json.loads(checkpoint)["practice"] is None
-    assert checkpoints.load(folder, setup, ppo.EVALUATION)["practice"] is None
+    assert checkpoints.load(folder, setup)["practice"] is None

@@ -140,7 +140,7 @@ distill --imitation-rate 2
 distill --noise 0
 distill --stack 65
 distill --task chess
-distill --obs-type rgb --stack 3
+distill --stack 3 --obs-type rgb
 distill --camera eagle
 distill --net-width 0
 train --algo dreamer
