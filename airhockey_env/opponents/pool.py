@@ -197,8 +197,9 @@ class Pool:
             self._groups = self._make_groups()
         n, groups = len(self._room), self._groups
         if n >= 2 * ROWS_PER_THREAD and self._threads.num_threads > 1:
-            groups = [group for group in groups if not isinstance(group.policy, MlpPolicy)]
-            self._ask_networks([group for group in self._groups if isinstance(group.policy, MlpPolicy)])
+            # Not those derived from it, whose own way to act several threads may not take at once.
+            self._ask_networks([group for group in groups if type(group.policy) is MlpPolicy])
+            groups = [group for group in groups if type(group.policy) is not MlpPolicy]
         elif len(groups) == 1 and len(groups[0].seen) == n:
             group = groups[0]
             self.last_actions = check_velocities(group.name, group.policy(group.seen), (n, 2))

@@ -15,6 +15,7 @@ from airhockey_env.game import Game
 from airhockey_env.kernel.observations import observe
 from airhockey_env.kernel.scripted import EXTERNAL, SCRIPTED
 from airhockey_env.kernel.state import RIGHT
+from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.opponents.pool import ROWS_PER_THREAD
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from tests.helpers import COPIES, pursue, random_actions, same, shown, some_policy
@@ -137,6 +138,20 @@ def test_threads_that_ask_networks_give_the_same_actions(obs):
         envs.set_opponents(places)
     for actions in random_actions(5, 40, n):
         assert same(one.step(actions)[:4], many.step(actions)[:4])
+
+
+def test_a_policy_derived_from_a_network_acts_in_its_own_way_in_large_batches_too():
+    class Pursuer(MlpPolicy):
+        def __call__(self, observations):
+            return pursue(observations)
+
+    network = some_policy()
+    n = 2 * ROWS_PER_THREAD
+    derived = Pursuer(network.weights, network.biases)
+    one, other = (AirHockeyVectorEnv(n, opponent=player, num_threads=2) for player in (derived, pursue))
+    assert same(one.reset(seed=1)[0], other.reset(seed=1)[0])
+    for actions in random_actions(6, 20, n):
+        assert same(one.step(actions)[:4], other.step(actions)[:4])
 
 
 @pytest.mark.parametrize("places", [[0, 1, 2, 0, 1, 2, 0], [0, 0, 0, 1, 1, 2, 2], [1, 1, 1, 1, 1, 1, 1]], ids=shown)
