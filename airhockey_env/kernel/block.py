@@ -12,10 +12,12 @@ first one of all, without which it would gather their numbers one pass at a time
 
 from __future__ import annotations
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
 from numba.core import config
+from numpy.typing import NDArray
 
 from airhockey_env.compiled import compiled, inlined, records
 from airhockey_env.kernel.state import LEFT, PUCK, RIGHT
@@ -78,18 +80,16 @@ BLOCK = np.dtype(
 )
 
 
-if config.DISABLE_JIT:  # type: ignore[attr-defined]
+def _room() -> NDArray[np.void]:
+    """Room for the tables of a block: an array of one `BLOCK`, whose only element is to be taken where it is used.
 
-    def new_block():
-        """Room for the tables of a block."""
-        return records(1, BLOCK)[0]
+    A record in compiled code does not keep alive the array that it is part of. Numba frees the array after its last
+    use, and another thread may write there while the record is still in use.
+    """
+    return np.empty(1, BLOCK)
 
-else:
 
-    @inlined
-    def new_block():  # type: ignore[misc]
-        """Room for the tables of a block."""
-        return np.empty(1, BLOCK)[0]
+room_for_block = functools.partial(records, 1, BLOCK) if config.DISABLE_JIT else inlined(_room)  # type: ignore
 
 
 @inlined

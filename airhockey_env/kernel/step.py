@@ -14,8 +14,8 @@ from airhockey_env.kernel.block import (
     load_pair,
     load_params,
     load_shared_params,
-    new_block,
     params_at,
+    room_for_block,
     store_discs,
 )
 from airhockey_env.kernel.observations import observe, view_at
@@ -44,11 +44,11 @@ def step_rows(
         out: `Outputs`; written in place.
     """
     settings = game_settings[0]
-    block = new_block()
+    room = room_for_block()
     if parameters.shape[0] == 1:
-        load_shared_params(block, min(TABLES, last - first), parameters[0])
+        load_shared_params(room[0], min(TABLES, last - first), parameters[0])
     for at in range(first, last, TABLES):
-        n = min(TABLES, last - at)
+        block, n = room[0], min(TABLES, last - at)  # in the loop, which keeps the room: see room_for_block
         load(block, n, at, states, parameters, settings)
         choose(block, n, at, LEFT, states, drivers, left_actions)
         choose(block, n, at, RIGHT, states, drivers, right_actions)

@@ -195,6 +195,48 @@ def test_a_forked_child_steps_a_batch_that_has_stepped_with_threads() -> None:
     assert result.stdout.split() == ["37"], result.stderr
 
 
+MEMORY = """
+import hashlib, threading
+import numpy as np
+from airhockey_env import Game
+
+def play(allocating):
+    over = threading.Event()
+
+    def allocate():
+        while not over.is_set():
+            np.full(5000, 1e300)
+            np.full(6700, 3.0)
+
+    others = [threading.Thread(target=allocate) for _ in range(allocating)]
+    for thread in others:
+        thread.start()
+    game = Game(3000, num_threads=1)
+    game.reset(seed=5)
+    rng = np.random.default_rng(0)
+    digest = hashlib.sha256()
+    for _ in range(100):
+        game.step(left=rng.uniform(-1.0, 1.0, (3000, 2)))
+        digest.update(game.get_state())
+    over.set()
+    for thread in others:
+        thread.join()
+    return digest.hexdigest()
+
+assert len({play(0), play(1), play(2)}) == 1
+print("alike")
+"""
+
+
+def test_no_other_thread_is_given_the_memory_of_a_step() -> None:
+    """Regression: the room of a block was freed before the step, which glibc's threads notice if they share a heap."""
+    environment = {**os.environ, "MALLOC_ARENA_MAX": "1"}
+    result = subprocess.run(
+        [sys.executable, "-c", MEMORY], capture_output=True, text=True, timeout=300, env=environment
+    )
+    assert result.stdout.split() == ["alike"], result.stderr
+
+
 # Ctrl-C
 
 
