@@ -9,10 +9,12 @@ from types import ModuleType
 from typing import Any, Literal
 
 import numpy as np
+from gymnasium.error import DependencyNotInstalled
 
 import airhockey_env
 from agents.files import write_json
 from agents.options import JsonFile, check_output, make_folder
+from agents.tables import print_table
 from benchmarks import page
 from benchmarks.kiss import engines, error, phases, picture, reversal
 from benchmarks.style import check_matplotlib
@@ -70,13 +72,17 @@ def kiss_study(args: KissStudyArgs) -> None:
             notes.append(f"{name} is skipped: there is nothing to compare with")
             continue
         part.draw(data, args.out / f"kiss_{name}.png")
-        text = page.insert(text, name, part.table(data))
+        table = part.table(data)
+        print_table(name, [[cell.replace("`", "") for cell in row] for row in table])
+        text = page.insert(text, name, table)
         results[name] = data
         page.write(own_page, text)  # after every part: an interrupt loses none that is done
         if args.json is not None:
             write_json(args.json, results)
     for note in notes:
         print(note)
+    if args.only not in (None, *results):
+        raise DependencyNotInstalled(f'--only {args.only} needs the extra "study": pip install -e ".[study]"')
     print(f"Figures and tables: {args.out}")
 
 

@@ -181,6 +181,28 @@ def test_a_missing_extra_is_named(tmp_path: Path) -> None:
     assert "airhockey-env[human]" in printed
 
 
+@pytest.mark.parametrize("extra", ["study", "fit", "onnx", "data"])
+def test_commands_of_other_extras_do_without_torch(extra: str, tmp_path: Path) -> None:
+    """Regression: every command asked for the extra "train" first."""
+    commands = {"study": "kiss_study", "fit": "fit_table", "onnx": "export", "data": "make_dataset"}
+    code = (
+        "import sys\n"
+        "for name in ('stable_baselines3', 'torch', 'tensorboard'):\n"
+        "    sys.modules[name] = None\n"
+        f"import scripts.{commands[extra]}\n"
+        "try:\n"
+        "    import scripts.train_ppo\n"
+        "except SystemExit as stop:\n"
+        "    print(stop)\n"
+    )
+    printed = run_python(code, tmp_path)
+    assert all(told in printed for told in ("torch", "stable_baselines3", "[train]"))
+    tomllib = pytest.importorskip("tomllib")
+    with open(ROOT / "pyproject.toml", "rb") as file:
+        needed = tomllib.load(file)["project"]["optional-dependencies"][extra]
+    assert {"tyro", "rich", "tqdm"} <= {requirement.split(">=")[0] for requirement in needed}
+
+
 def test_the_version_is_the_same_everywhere() -> None:
     assert airhockey_env.__version__ in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert f"version: {airhockey_env.__version__}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
