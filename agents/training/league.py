@@ -27,6 +27,7 @@ from agents.files import COUNT, FILE, SHARE, TEXT, or_none, read_json, write_jso
 from agents.models import export_policy
 from agents.seeding import sequence
 from agents.training import workers
+from agents.training.joined_tables import JoinedTables
 from agents.training.responses import Responses
 from agents.training.stopping import Stop
 from airhockey_env.opponents.players import Player as Opponent
@@ -96,9 +97,9 @@ class League(BaseCallback):
 
     @property
     def tables(self) -> AirHockeySB3VecEnv:
-        """The batch that the agent trains on, whatever wraps it."""
+        """The batch on which the agent plays points, whatever wraps it, and without the tables for practice."""
         batch: Any = self.training_env.unwrapped
-        return batch
+        return batch.parts[0] if isinstance(batch, JoinedTables) else batch
 
     def draw(self, number: int) -> np.ndarray:
         """Draw opponents for some episodes: their places in the pool, (number,)."""
@@ -134,7 +135,7 @@ class League(BaseCallback):
         self.logger.record("league/won", float(np.mean([member.won for member in self.members])))
 
     def _on_step(self) -> bool:
-        rows = np.flatnonzero(self.locals["dones"])
+        rows = np.flatnonzero(self.locals["dones"][: self.tables.num_envs])
         if len(rows):
             numbers = self.tables.opponent_indices[rows]
             for row, number in zip(rows, numbers, strict=True):

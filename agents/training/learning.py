@@ -13,14 +13,14 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from agents.seeding import sequence, table_seeds
 from agents.training import workers
-from agents.training.student_tables import StudentTables
+from agents.training.joined_tables import JoinedTables
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 
 
 def seed_tables(env: VecEnv, seeds: list[int]) -> None:
     """Seed the next reset of wrapped tables, with one seed per table."""
     tables = env.unwrapped
-    assert isinstance(tables, (AirHockeySB3VecEnv, StudentTables))
+    assert isinstance(tables, (AirHockeySB3VecEnv, JoinedTables))
     tables.seed(seeds)
 
 

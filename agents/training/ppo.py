@@ -19,10 +19,11 @@ from agents.cluster import check_ray
 from agents.conditions import Conditions
 from agents.features import RelativeFeatures
 from agents.files import COUNT, POSITIVE, SHARE, TEXT, or_none
-from agents.measuring.evaluation import OPPONENTS, Result, play_points
+from agents.measuring.evaluation import OPPONENTS, SOLO_TASKS, Result, play_points
 from agents.models import player_of, short_name
 from agents.options import Address, Count, OptionalCount, Workers, check_cluster, check_ranges
 from agents.training import workers
+from agents.training.joined_tables import JoinedTables
 from agents.training.league import League
 from agents.training.learning import Falling
 from agents.training.noise import Noise
@@ -77,6 +78,9 @@ class PpoArgs(TrainArgs):
     to wait, but not to shoot. The default is half of --steps, but at most 4 million."""
     warmup_success: float = 0.8
     """End the practice as soon as this share of its last 500 episodes succeeds."""
+    practice_share: float = 0.0
+    """Keep this share of the tables for practice while the agent learns to play points: half of it for shooting, half
+    for defending (the task "defend"). Without it, agents forget some of what they have practised."""
     reward: str = "sparse"
     """Learn to play points from this reward: "sparse" (points alone) or "shaped". Practice always uses "shaped"."""
     num_envs: Count = 512
@@ -124,10 +128,10 @@ def resolve(args: Args) -> Args:
     resolve_players("--opponent", args.opponent)
     most = math.inf
     check_ranges(
-        args, warmup_steps=(0, most), warmup_success=(0, 1), num_envs=(1, most), n_steps=(2, most),
-        batch_size=(2, most), n_epochs=(1, most), learning_rate=(0, 1), gamma=(0, 1), gae_lambda=(0, 1),
-        max_grad_norm=(0, most), clip_range=(0, 10), ent_coef=(0, 10), sde_sample_freq=(0, most), log_std_init=(-20, 2),
-        noise=(0, 2), noise_end=(0, 2), net_width=(1, most),
+        args, warmup_steps=(0, most), warmup_success=(0, 1), practice_share=(0, 1), num_envs=(1, most),
+        n_steps=(2, most), batch_size=(2, most), n_epochs=(1, most), learning_rate=(0, 1), gamma=(0, 1),
+        gae_lambda=(0, 1), max_grad_norm=(0, most), clip_range=(0, 10), ent_coef=(0, 10), sde_sample_freq=(0, most),
+        log_std_init=(-20, 2), noise=(0, 2), noise_end=(0, 2), net_width=(1, most),
     )  # fmt: skip
     check_workers(args)
     args = with_conditions(args)
@@ -201,6 +205,18 @@ def make_env(args: PpoArgs, task: str = "point", opponents: Sequence[Opponent] |
     return VecMonitor(make_tables(args, conditions_of(args), args.num_envs, task, opponents))
 
 
+def make_points_env(args: PpoArgs, opponents: Sequence[Opponent] | None = None) -> VecMonitor:
+    """Make the tables to play points on, and a share of tables for practice, which come after these."""
+    practising = min(round(args.practice_share * args.num_envs), args.num_envs - 1)
+    if practising == 0:
+        return make_env(args, "point", opponents)
+    conditions = conditions_of(args)
+    points = make_tables(args, conditions, args.num_envs - practising, "point", opponents)
+    sizes = zip(SOLO_TASKS, (practising - practising // 2, practising // 2), strict=True)
+    practice = [make_tables(args, conditions, n, task, [TASKS[task].opponent]) for task, n in sizes if n > 0]
+    return VecMonitor(JoinedTables([points, *practice]))
+
+
 def make_tables(
     args: PpoArgs,
     conditions: Conditions,
@@ -214,7 +230,7 @@ def make_tables(
         num_envs,
         task=task,
         opponent=args.opponent if opponents is None else opponents,
-        reward="shaped" if task == "hit" else args.reward,
+        reward=args.reward,
         **conditions.env_arguments(),
         obs_type=obs_type,
         stack=args.stack,
@@ -273,7 +289,8 @@ def phases(args: PpoArgs, model: PPO, league: League | None, history: History) -
         model.lr_schedule = Falling(args.learning_rate, to=0.02, begins=1.0)
         set_discount(model, SHAPING_DISCOUNT)
         until = f"until {args.warmup_success:.0%} of it succeeds, or for {args.warmup_steps:,} steps"
-        yield Phase(f"Shooting practice {until}.", "practice", make_env(args, "hit", ["idle"]), [practice])
+        shaped = dataclasses.replace(args, reward="shaped")
+        yield Phase(f"Shooting practice {until}.", "practice", make_env(shaped, "hit", ["idle"]), [practice])
         history["practice"] = model.num_timesteps if practice.over else None
         if model.num_timesteps >= args.steps:
             print(f"All of it was shooting practice. With more --steps, the agent would have played {whom}.")
@@ -284,7 +301,7 @@ def phases(args: PpoArgs, model: PPO, league: League | None, history: History) -
     callbacks: list[BaseCallback] = [] if league is None else [league]
     if args.noise > 0.0:
         callbacks.append(Noise(args.noise, args.noise_end, first, args.steps))
-    yield Phase(f"Points {whom}.", "training", make_env(args, "point", opponents), callbacks)
+    yield Phase(f"Points {whom}.", "training", make_points_env(args, opponents), callbacks)
 
 
 def set_discount(model: PPO, gamma: float) -> None:

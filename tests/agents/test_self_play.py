@@ -12,11 +12,13 @@ import numpy as np
 import pytest
 
 from agents.training.league import LATEST, LEAST_PRIORITY, League, Member
-from agents.training.ppo import make_env, make_model
+from agents.training.ppo import make_env, make_model, make_points_env, make_tables
+from agents.training.recipe import conditions_of
 from agents.training.responses import Responses
 from agents.training.self_play import SelfPlayArgs
 from agents.training.train import train
-from tests.helpers import some_policy
+from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
+from tests.helpers import random_actions, some_policy
 
 UPDATE = 6 * 8
 ARGS = SelfPlayArgs(
@@ -34,6 +36,50 @@ def learn(steps: int, args: SelfPlayArgs = ARGS) -> League:
     league = League(args)
     make_model(args, make_env(args, opponents=league.pool)).learn(steps, callback=league)
     return league
+
+
+class TestPractice:
+    def test_tables_for_practice_come_last(self) -> None:
+        env = make_points_env(dataclasses.replace(ARGS, practice_share=0.5), ("idle",))
+        assert [part.num_envs for part in env.unwrapped.parts] == [3, 2, 1]
+        conditions = conditions_of(ARGS)
+        alone = [
+            make_tables(ARGS, conditions, 3, "point", ("idle",)),
+            make_tables(ARGS, conditions, 2, "hit", ("idle",)),
+            make_tables(ARGS, conditions, 1, "defend", ("idle",)),
+        ]
+        env.seed(5)
+        for part, seed in zip(alone, (5, 8, 10), strict=True):
+            part.seed(seed)
+        np.testing.assert_array_equal(env.reset(), np.concatenate([part.reset() for part in alone]))
+        bounds, ended = ((0, 3), (3, 5), (5, 6)), 0
+        for actions in random_actions(2, 200, 6):
+            seen, rewards, dones, infos = env.step(actions)
+            each = [part.step(actions[first:last]) for part, (first, last) in zip(alone, bounds, strict=True)]
+            np.testing.assert_array_equal(seen, np.concatenate([one[0] for one in each]))
+            np.testing.assert_array_equal(rewards, np.concatenate([one[1] for one in each]))
+            np.testing.assert_array_equal(dones, np.concatenate([one[2] for one in each]))
+            assert [bool(info) for info in infos] == dones.tolist()
+            ended += dones[5]
+        assert ended > 2
+
+    def test_one_table_at_least_plays_points(self) -> None:
+        env = make_points_env(dataclasses.replace(ARGS, practice_share=1.0), ("idle",))
+        assert [part.num_envs for part in env.unwrapped.parts] == [1, 3, 2]
+
+    def test_none_is_the_batch_itself(self) -> None:
+        assert isinstance(make_points_env(ARGS, ("idle",)).unwrapped, AirHockeySB3VecEnv)
+
+    def test_a_league_records_points_only(self) -> None:
+        args = dataclasses.replace(ARGS, practice_share=0.5, opponent=("striker",), scripted_share=0.7)
+        league = League(args)
+        env = make_points_env(args, league.pool)
+        points = []
+        step = env.unwrapped.parts[0].step_wait
+        env.unwrapped.parts[0].step_wait = lambda: points.append(result := step()) or result
+        make_model(args, env).learn(120 * UPDATE, callback=league)
+        assert sum(member.points for member in league.members) <= sum(dones.sum() for _, _, dones, _ in points)
+        assert sum(member.points for member in league.members) > 0
 
 
 class TestMember:
