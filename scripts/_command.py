@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import sys
 import textwrap
 from collections.abc import Callable
@@ -32,25 +33,45 @@ def run_command(
             given are then told from defaults by reading the command line with the run's own arguments as defaults.
 
     Whatever a user can set right (a wrong argument, a file that is missing or damaged, a full disk) ends the process
-    with one message, in lines of 80 columns, and exit code 1; Ctrl-C ends it with 130.
+    with one message, in lines of 80 columns, and exit code 1; Ctrl-C ends it with 130. When what reads the output has
+    ended, as `head` does after its lines, the process ends without a message, with exit code 1.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal that has no µ gets a ?
     prog = f"python -m scripts.{name}"
-    args = tyro.cli(arguments, prog=prog)
     try:
-        if own_args is not None and getattr(args, "resume", None) is not None:
-            _, kept = own_args(args)
-            check_resumed(tyro.cli(arguments, prog=prog, default=kept), kept)
-        act(args)
+        try:
+            args = tyro.cli(arguments, prog=prog)
+            if own_args is not None and getattr(args, "resume", None) is not None:
+                _, kept = own_args(args)
+                check_resumed(tyro.cli(arguments, prog=prog, default=kept), kept)
+            act(args)
+        finally:
+            sys.stdout.flush()  # Python's own flush, at exit, would fail with a traceback
     except KeyboardInterrupt:
         print("\nStopped.", file=sys.stderr)
         sys.exit(130)
     except MemoryError as error:
         sys.exit(in_lines(f"{name}: not enough memory: {error}"))
     except (ValueError, OSError, DependencyNotInstalled) as error:
-        sys.exit(in_lines(f"{name}: {error}"))
+        broken_pipe = isinstance(error, BrokenPipeError)
+        unread = output_fails(probe="\n" if broken_pipe else "") and broken_pipe
+        sys.exit(1 if unread else in_lines(f"{name}: {error}"))
+
+
+def output_fails(probe: str) -> bool:
+    """Whether standard output takes no more text, tried with `probe`; if so, what it still holds is discarded.
+
+    A broken pipe need not be that of the output: commands have pipes to processes of their own, too. The way to discard
+    is that of https://docs.python.org/3/library/signal.html#note-on-sigpipe.
+    """
+    try:
+        print(probe, end="", flush=True)
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return True
+    return False
 
 
 def in_lines(message: str) -> str:
