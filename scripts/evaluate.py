@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from agents.conditions import Conditions
+from agents.conditions import Conditions, in_words
 from agents.files import write_json
 from agents.measuring.evaluation import OPPONENTS, SOLO_TASKS, Result, play_points, play_task
 from agents.models import Player, load_player, short_name
@@ -42,15 +42,17 @@ MODEL_HELP = f"Evaluate this player. {PLAYER_HELP}"
 class EvaluateArgs:
     """Measure how well a player does against others, or in a task that has no opponent.
 
-    It plays half of the points on each side of the table. The opponents see exact states. With --workers, the points
-    against each opponent are a task of their own.
+    It plays half of the points on each side of the table. The decided points are those that did not end in a draw,
+    which a point does after 30 s. The player sees exact states on a full-size table unless options say otherwise, even
+    if it was trained under other conditions; its opponents always see exact states. With --workers, the points against
+    several opponents are played at the same time.
     """
 
     model: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL", help=MODEL_HELP)]
     task: Annotated[str, tyro.conf.arg(help=TASK_HELP)] = "point"
     opponent: str = "all"
     """Play against this player, or with "all" against each of the named players."""
-    episodes: Count = 2000
+    episodes: Annotated[Count, tyro.conf.arg(aliases=("--points",))] = 2000
     """Play this many points against each opponent, or this many episodes of the task."""
     opponent_skill: float = 1.0
     """Limit scripted opponents to this share of their paddle's top speed, from 0 to 1."""
@@ -85,7 +87,7 @@ def evaluate(args: EvaluateArgs) -> None:
     player = load_player(args.model, trust=args.trust)
     if args.task != "point":
         result = play_task(player, args.task, args.episodes, seed=args.seed, conditions=conditions)
-        print_task_result(result)
+        print_task_result(result, in_words(args))
         if args.json is not None:
             write_json(args.json, {"model": args.model, **kept, "results": [result.as_dict()]})
         return
@@ -94,7 +96,7 @@ def evaluate(args: EvaluateArgs) -> None:
     play = partial(play_against, args, conditions, player)
     numbered = dict(spread(play, opponents.items(), args.workers, args.address))
     results = [numbered[number] for number in range(len(opponents))]
-    print_results(results)
+    print_results(results, in_words(args))
     if args.json is not None:
         write_json(args.json, {"model": args.model, **kept, "results": [result.as_dict() for result in results]})
 

@@ -14,7 +14,7 @@ import tyro
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecMonitor
 
-from agents.conditions import EXACT
+from agents.conditions import EXACT, in_words
 from agents.measuring.evaluation import SOLO_TASKS, TaskResult, play_task
 from agents.models import load_player, player_of, short_name
 from agents.options import Count, OptionalCount, check_ranges
@@ -212,7 +212,7 @@ def evaluate_task(args: DistillArgs, model: Student, stop: Stop) -> dict[str, An
 def report_task(args: DistillArgs, model: Student, history: History, stop: Stop) -> list[dict[str, Any]]:
     """See `Setup.report`."""
     result = play(args, model, args.report_episodes, "report", stop)
-    print_task_result(result)
+    print_task_result(result, in_words(args))
     return [result.as_dict()]
 
 

@@ -16,7 +16,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.cluster import check_ray
-from agents.conditions import Conditions
+from agents.conditions import Conditions, in_words
 from agents.features import RelativeFeatures
 from agents.files import COUNT, POSITIVE, SHARE, TEXT, or_none
 from agents.measuring.evaluation import OPPONENTS, SOLO_TASKS, Result, play_points
@@ -361,7 +361,7 @@ def evaluate(args: PpoArgs, model: PPO, stop: Stop) -> dict[str, Any]:
 def report(args: PpoArgs, model: PPO, history: History, stop: Stop) -> list[dict[str, Any]]:
     """Play against every named opponent. See `Setup.report`."""
     results = [play(args, model, name, args.report_episodes, "report", stop) for name in OPPONENTS]
-    print_results(results)
+    print_results(results, in_words(args))
     return [result.as_dict() for result in results]
 
 

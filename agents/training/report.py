@@ -13,8 +13,12 @@ from agents.plots import BLUE, GREY, RED, from_zero, new_figure, plain, save_fig
 from agents.tables import print_table
 
 
-def print_results(results: Sequence[Result]) -> None:
-    """Print wins, losses, draws and the win rates with their 95 % Wilson intervals."""
+def print_results(results: Sequence[Result], conditions: str) -> None:
+    """Print wins, losses, draws and the win rates with their 95 % Wilson intervals.
+
+    Args:
+        conditions: under which the points were played, in words.
+    """
     points = results[0].points if results else 0
     heads = ("opponent", "wins", "losses", "draws", "win rate (95 %)", "of decided (95 %)", "s/point")
     rows = [
@@ -27,15 +31,19 @@ def print_results(results: Sequence[Result]) -> None:
         )
         for result in results
     ]
-    print_table(f"{points} points each, half of them on each side of the table", [heads, *rows])
+    print_table(f"{points} points each, half of them on each side; {conditions}", [heads, *rows])
 
 
-def print_task_result(result: TaskResult) -> None:
-    """Print successes, failures and the success rate with its 95 % Wilson interval."""
+def print_task_result(result: TaskResult, conditions: str) -> None:
+    """Print successes, failures and the success rate with its 95 % Wilson interval.
+
+    Args:
+        conditions: under which the episodes were played, in words.
+    """
     heads = ("task", "successes", "failures", "by time", "success rate (95 %)", "s/episode")
     counts = (str(number) for number in (result.successes, result.failures, result.timeouts))
     row = (result.task, *counts, str(Share(result.successes, result.episodes)), f"{result.seconds:.1f}")
-    print_table(f"{result.episodes} episodes", [heads, row])
+    print_table(f"{result.episodes} episodes; {conditions}", [heads, row])
 
 
 def print_successes(title: str, agents: Mapping[str, Mapping[str, Any]]) -> None:

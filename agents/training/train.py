@@ -201,7 +201,10 @@ def _end(run: Run, stop: Stop) -> None:
 def _report(run: Run, stop: Stop) -> None:
     """Evaluate the trained agent, print and write the results, draw the picture and record the video."""
     folder = run.folder
-    print(f"{run.model.num_timesteps:,} steps, {run.seconds / 60:.1f} minutes of training. Evaluating ...")
+    print(f"{run.model.num_timesteps:,} steps, {run.seconds / 60:.1f} minutes of training.")
+    print(
+        f"Evaluating the agent in {run.args.report_episodes:,} episodes, against each opponent if there are several ..."
+    )
     if run.evaluated < run.model.num_timesteps:
         run.evaluate(stop)
     run.history["report"] = run.setup.report(run.history, stop)

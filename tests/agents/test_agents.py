@@ -162,7 +162,7 @@ class TestResult:
 
     def test_printed_in_80_columns(self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setenv("COLUMNS", "80")
-        print_results([Result("goalie", 10000, 0, 0, 29.9), Result("striker", 0, 0, 10000, 30.0)])
+        print_results([Result("goalie", 10000, 0, 0, 29.9), Result("striker", 0, 0, 10000, 30.0)], "full_size table")
         printed = capsys.readouterr().out
         assert "100.0% (100.0-100.0)" in printed
         assert "none" in printed

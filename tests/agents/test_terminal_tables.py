@@ -51,8 +51,8 @@ def test_long_texts_are_wrapped_between_words(
 
 def test_reports(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    print_results([Result(name, 99_999, 0, 0, 12.5) for name in ("striker", "my_players:chaser")])
-    print_task_result(TaskResult("defend", 100_000, 0, 0, 2.5))
+    print_results([Result(name, 99_999, 0, 0, 12.5) for name in ("striker", "my_players:chaser")], "full_size table")
+    print_task_result(TaskResult("defend", 100_000, 0, 0, 2.5), "full_size table")
     words = printed(capsys, 80)
     assert {"opponent", "losses", "s/point", "99999", "(100.0-100.0)", "striker", "my_players:chaser"} <= set(words)
     names = ["striker", "a-run-with-a-rather-long-name", *(f"player-{k}" for k in range(14))]
