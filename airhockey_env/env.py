@@ -36,8 +36,8 @@ class AirHockeyEnv(TableEnv, gym.Env):
     |---|---|---|---|---|
     | `AirHockey-v0` | `"point"` | one point against an opponent | `"striker"` | 1500 steps |
     | `AirHockeyMatch-v0` | `"match"` | a match, first to 7 points | `"striker"` | 15000 steps |
-    | `AirHockeyHit-v0` | `"hit"` | a still puck on your side, an unattended far side: put it in the goal | `"idle"` | 500 steps |
-    | `AirHockeyDefend-v0` | `"defend"` | a shot is on its way: keep it out | `"idle"` | 250 steps |
+    | `AirHockeyHit-v0` | `"hit"` | put a puck that rests on your side into an unguarded goal | `"idle"` | 500 steps |
+    | `AirHockeyDefend-v0` | `"defend"` | keep a shot out of your goal | `"idle"` | 250 steps |
 
     `gymnasium.make_vec("AirHockey-v0", num_envs=4096)` plays many tables at once in one compiled kernel, with the
     same trajectories to the bit.
@@ -130,8 +130,8 @@ class AirHockeyEnv(TableEnv, gym.Env):
     back on the far side and not flying towards you any more, or slower than 0.3 m/s. It is a success if there was no
     goal against you.
 
-    `gymnasium.make` truncates after the control steps in the table above (at 50 Hz these are 30 s, 5 min, 10 s and
-    5 s), and a truncated episode is not a success. `max_episode_steps` changes the limit, and -1 turns it off.
+    `gymnasium.make` truncates after the control steps in the table above, of which 50 are a second by default. A
+    truncated episode is not a success. `max_episode_steps` changes the limit, and -1 turns it off.
 
     ## Info
     All values are arrays and scalars of fixed shape and dtype. In a batch they have Gymnasium's vector form.

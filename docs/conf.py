@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import tomllib
+from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util import logging
 
@@ -118,6 +119,23 @@ def as_rst(app: Sphinx, kind: str, name: str, thing: object, options: Any, lines
         lines[:0] = ["..", ""]
 
 
+def link_pictures(app: Sphinx, doctree: nodes.document) -> None:
+    """Let every picture lead to its file, where a phone can enlarge it. Cards are links already."""
+    for picture in doctree.findall(nodes.image):
+        parent = picture.parent
+        while parent is not None and "sd-card" not in parent.get("classes", []):
+            parent = parent.parent
+        if parent is None and "width" not in picture:
+            picture["scale"] = 100  # Sphinx links the pictures that have a scale
+
+
+def keep_hyphens(app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: nodes.document) -> None:
+    """Do not break short code, such as the option `--steps` or `AirHockey-v0`, at its hyphens."""
+    if "body" in context:
+        short = r'<span class="pre">(?=[^<]*-)([^<]{1,30})</span>'
+        context["body"] = re.sub(short, r'<span class="pre unbroken">\1</span>', context["body"])
+
+
 def find_undocumented(app: Sphinx, env: Any) -> None:
     """Warn of public names that the API reference does not have."""
     documented = env.domains.python_domain.objects
@@ -136,5 +154,7 @@ def setup(app: Sphinx) -> None:
     """Connect the above."""
     app.connect("source-read", link_to_the_repository)
     app.connect("autodoc-process-docstring", as_rst, priority=100)  # before napoleon
+    app.connect("doctree-read", link_pictures)
+    app.connect("html-page-context", keep_hyphens)
     app.connect("env-check-consistency", find_undocumented)
     app.connect("build-finished", write_play)

@@ -36,7 +36,7 @@ class Film(NamedTuple):
 FILMS = {
     "point": Film("expert", "striker", 3, "The trained expert (left) plays the scripted striker"),
     "match": Film("expert", "adept", 2, "The trained expert (left) plays the trained adept"),
-    "hit": Film("expert", None, 0, "The trained expert shoots at an unattended goal"),
+    "hit": Film("expert", None, 0, "The trained expert puts a resting puck into an unguarded goal"),
     "defend": Film("expert", None, 0, "The trained expert keeps shots out"),
 }
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import inspect
+import io
 import os
 import re
 import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 
 import gymnasium
@@ -144,6 +148,53 @@ def test_links_lead_somewhere(page: Path) -> None:
 def test_commands_exist(page: Path) -> None:
     for name in re.findall(r"python -m scripts\.(\w+)", page.read_text(encoding="utf-8")):
         assert (ROOT / "scripts" / f"{name}.py").exists(), f"there is no scripts.{name}"
+
+
+def commands(page: Path) -> Iterator[tuple[str, set[str]]]:
+    """The commands of `scripts` that a page calls, in blocks of code and in running text, with their options."""
+    text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+    fenced = re.compile(r"^ *```\w*\n(.*?)^ *```", flags=re.MULTILINE | re.DOTALL)
+    lines = [line for block in fenced.findall(text) for line in block.splitlines()]
+    lines += [" ".join(code.split()) for code in re.findall(r"`([^`]+)`", fenced.sub("", text))]
+    for line in lines:
+        for part in re.split(r"&&|;|-- (?=train)|\s#", line):  # after -- stands a command that tune repeats
+            called = re.search(r"(?:-m scripts\.|^(?=train))(\w+)(.*)", part)
+            if called and (ROOT / "scripts" / f"{called[1]}.py").exists():
+                yield called[1], set(re.findall(r"(?<!\S)(--[a-z][\w-]*)", called[2]))
+
+
+@functools.cache
+def options_of(command: str) -> frozenset[str]:
+    """The options in the help of a command."""
+    printed = io.StringIO()
+    main = import_module(f"scripts.{command}").main
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed):
+        patch.setattr(sys, "argv", [command, "--help"])
+        patch.setenv("COLUMNS", "200")
+        with pytest.raises(SystemExit):
+            main()
+    return frozenset(re.findall(r"--[a-z][\w-]*", printed.getvalue()))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_options_exist(page: Path) -> None:
+    for command, options in commands(page):
+        assert options <= options_of(command), f"scripts.{command} has no {sorted(options - options_of(command))}"
+
+
+def test_commands_are_found_with_their_options(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(
+        "Call `python -m scripts.evaluate x\n--table y`.\n\n```bash\nfor a in 1; do python -m scripts.ladder \\\n"
+        "    --points 2; done\npython -m scripts.tune --trials 5 -- train_ppo --steps 3M  # --no\n```\n",
+        encoding="utf-8",
+    )
+    assert list(commands(page)) == [
+        ("ladder", {"--points"}),
+        ("tune", {"--trials"}),
+        ("train_ppo", {"--steps"}),
+        ("evaluate", {"--table"}),
+    ]
 
 
 def test_the_pages_of_the_environments_are_those_of_their_docstrings() -> None:

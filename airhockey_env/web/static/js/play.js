@@ -53,7 +53,7 @@ connection.on("hello", (hello) => {
   setOptions(byId("tables"), Object.keys(tables), "full_size");
   shown ?? showTable();
   showOpponent();
-  say("Air hockey", "You are red, and your paddle follows the pointer. Choose an opponent below, or just play", false, ["begin"]);
+  say("Air hockey", "You are red, and your paddle follows the pointer. Choose an opponent below, or just play.", false, ["begin"]);
   if (starting) {
     starting = false;
     start();
