@@ -157,7 +157,7 @@ twice that of `ROBOT`; up to 3 % lost frames; and hidden up to 30 mm from the op
 """
 
 LATE = dataclasses.replace(ROBOTS, camera_hz=(45, 120), delay_ms=(15, 40), jitter_ms=(0, 5), noise_mm=(0.3, 4))
-"""Cameras later and slower than most of `ROBOTS`, to train for: `SLOW` is in their midst. The limits are our choice."""
+"""Cameras later and slower than most of `ROBOTS`, to train for: `SLOW` is one of them. The limits are our choice."""
 
 CAMERAS = {"robot": ROBOT, "slow": SLOW, "robots": ROBOTS, "late": LATE}
 """Cameras by name; those of `"robots"` and `"late"` are drawn anew for each table and episode."""

@@ -144,7 +144,7 @@ class AirHockeyEnv(TableEnv, gym.Env):
     | `table` | with `randomize` only: the values that were drawn, a dict from the fields' names to float64 |
 
     ## Attributes
-    `env.unwrapped` gives more on request. `contacts` is a structured array of the last step's contacts, in order of
+    More can be read from `env.unwrapped`. `contacts` is a structured array of the last step's contacts, in order of
     time: `time` (s into the step), the discs `a` and `b` (0 left paddle, 1 right paddle, 2 puck; `b` is -1 for a wall
     or post), `x` and `y` (m), the unit normal `nx`, `ny` from b to a, and `impulse` (kg m/s). `positions` and
     `velocities`, (3, 2) each, are those of the three discs in m and m/s, and `table` is the `TableSpec` in play.
