@@ -225,7 +225,8 @@ class AirHockeyVectorEnv(BatchEnv, VectorEnv):
 
     def close_extras(self, **arguments: Any) -> None:
         """End the threads of the batch."""
-        self._game.close()
+        if hasattr(self, "_game"):  # Gymnasium 1.2 closes what is deleted, even if making it raised an error
+            self._game.close()
 
     def _infos(self, mask: NDArray[np.bool_] | None) -> dict[str, Any]:
         """Infos of all tables, or of those of the mask."""

@@ -8,6 +8,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from airhockey_env.table_view import NAMES
+from airhockey_env.vector_env import AirHockeyVectorEnv
 from tests.helpers import COPIES, random_actions, same
 
 N = 3
@@ -100,3 +101,10 @@ def test_lists_of_pictures(mode, copy):
     for envs in (native, sync):
         play(envs, 3)
     assert same(native.call("render"), sync.call("render"))
+
+
+def test_a_batch_that_could_not_be_made_can_be_closed():
+    """As Gymnasium 1.2 does when it is deleted."""
+    envs = AirHockeyVectorEnv.__new__(AirHockeyVectorEnv)
+    envs.close()
+    assert envs.closed
