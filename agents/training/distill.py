@@ -62,7 +62,6 @@ class DistillArgs(ppo.PpoArgs):
     """Imitate this policy: the name of a trained opponent, a policy.npz or a run's folder. It always sees exact states,
     one at a time."""
     opponent: tuple[str, ...] = ("striker",)
-    reward: str = "shaped"
     start: str | None = None
     """Begin with the network of this run of the command (its folder, or its name under runs/)."""
     imitation_steps: OptionalCount = None
@@ -82,8 +81,8 @@ class DistillArgs(ppo.PpoArgs):
     docs/robust.md."""
     n_epochs: Count = 2
     """Pass over the samples of an update this many times."""
-    learning_rate: float = 3.5e-4
-    gamma: float = 0.99
+    learning_rate: float = 3e-4
+    """Use this learning rate at the start of PPO, after imitation. It falls linearly to a fiftieth."""
     max_grad_norm: float = 0.5
     net_width: Count = 192
     """Give the student two hidden layers of this many units each."""
