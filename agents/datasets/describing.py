@@ -26,7 +26,7 @@ ALGORITHMS = {
     UNIFORM: "uniformly random actions",
     HUMAN: "a person with a mouse or a finger",
     "adept": "PPO, cut short",
-    "expert": "PPO with self-play",
+    "expert": "PPO against a mixture of players",
     "robust": "DAgger, then PPO",
 }
 """Algorithms behind the players that have names; docs/trained.md has their model cards."""
