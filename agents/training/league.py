@@ -1,9 +1,9 @@
 """A league: an agent plays against itself, its past selves and scripted opponents.
 
 An opponent is drawn for every episode. The latest self, the scripted opponents and the past selves have fixed shares of
-the episodes. Among the latter two, prioritised fictitious self-play draws harder opponents more often (Vinyals et al.,
-"Grandmaster level in StarCraft II using multi-agent reinforcement learning", Nature 575, 2019). Without a fixed share,
-scripted opponents would soon be too easy to be drawn, and the agent would forget them.
+the episodes. Each scripted opponent is drawn equally often; otherwise they would soon be too easy to be drawn, and the
+agent would forget them. Among the past selves, prioritised fictitious self-play draws harder ones more often (Vinyals
+et al., "Grandmaster level in StarCraft II using multi-agent reinforcement learning", Nature 575, 2019).
 
 The environment is exactly the same from both sides, so the agent learns on the left and its opponents play on the
 right.
@@ -26,7 +26,8 @@ from stable_baselines3.common.callbacks import BaseCallback
 from agents.files import COUNT, FILE, SHARE, TEXT, or_none, read_json, write_json
 from agents.models import export_policy
 from agents.seeding import sequence
-from agents.training import workers
+from agents.training import runs, workers
+from agents.training.exchange import Exchange
 from agents.training.joined_tables import JoinedTables
 from agents.training.responses import Responses
 from agents.training.stopping import Stop
@@ -46,7 +47,10 @@ updated too."""
 
 LATEST = "latest self"
 
-NAME = re.compile(r"(self|response [a-z]+-[0-9]+) at [0-9]+")
+OTHER = "other "
+"""The names of members that other runs have left begin with this."""
+
+NAME = re.compile(rf"(self|response [a-z]+-[0-9]+) at [0-9]+|{OTHER}{runs.NAME.pattern}")
 """The names of members with files."""
 
 
@@ -81,6 +85,7 @@ class League(BaseCallback):
         self.members = [Member(LATEST), *(Member(name) for name in self.scripted)]
         self.past: dict[int, MlpPolicy] = {}  # past selves and best responses by their number among the members
         self.due = 0  # steps at which the next copy joins
+        self.exchange: Exchange | None = None  # set with the run's name
         self.responses = Responses(args.responses, args.response_steps, args.seed)
         self.responses_due = args.response_every  # steps at which the next best responses begin
         self.responses_at: int | None = None  # steps of the agent that those under way are trained against
@@ -103,17 +108,24 @@ class League(BaseCallback):
 
     def draw(self, number: int) -> np.ndarray:
         """Draw opponents for some episodes: their places in the pool, (number,)."""
-        priorities = np.array([member.priority for member in self.members])
-        scripted, past = priorities[1 : 1 + len(self.scripted)], priorities[1 + len(self.scripted) :]
+        scripted = len(self.scripted)
+        past = np.array([member.priority for member in self.members[1 + scripted :]])
         shares = np.concatenate(
             [
                 [self.args.latest_share],
-                self.args.scripted_share * scripted / scripted.sum(),
+                np.full(scripted, self.args.scripted_share / scripted),
                 (1.0 - self.args.latest_share - self.args.scripted_share) * past / max(past.sum(), LEAST_PRIORITY),
             ]
         )
         shares[0] += 1.0 - shares.sum()  # the share of the past selves, while there are none
         return self.random.choice(len(self.members), number, p=shares)
+
+    def begin(self, run: str, stop: Stop) -> None:
+        """Learn the name of the run, and what asks it to stop."""
+        self.stop, self.responses.name = stop, run
+        if self.args.exchange is not None:
+            known = [member.name.removeprefix(OTHER) for member in self.members]
+            self.exchange = Exchange(self.args.exchange, run, known)
 
     def _on_training_start(self) -> None:
         self.random = np.random.default_rng(sequence("league", self.args.seed, self.num_timesteps, *workers.part()))
@@ -128,6 +140,10 @@ class League(BaseCallback):
         if self.num_timesteps >= self.due:
             self.due = self.num_timesteps + self.args.snapshot_every
             self.take_in(f"self at {self.num_timesteps}", latest)
+            if self.exchange is not None:
+                self.exchange.put(latest, self.num_timesteps)
+        for name, policy in () if self.exchange is None else self.exchange.take():
+            self.take_in(f"{OTHER}{name}", policy)
         if self.args.responses and self.num_timesteps >= self.responses_due:
             self._see_to_responses(latest)
         self._remember()

@@ -130,7 +130,7 @@ def _learn_phase(run: Run, phase: Phase, callbacks: list[BaseCallback], stop: St
     print(phase.title)
     seed_learning(model, phase.env, phase.purpose, run.args.seed)
     if run.setup.league is not None:
-        run.setup.league.stop, run.setup.league.responses.name = stop, run.folder.path.name
+        run.setup.league.begin(run.folder.path.name, stop)
     model.learn(
         run.steps - model.num_timesteps,
         callback=CallbackList(callbacks),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 import tyro
@@ -44,8 +45,8 @@ class SelfPlayArgs(ppo.PpoArgs):
     latest_share: float = 0.3
     """Play this share of the episodes against the agent as it is now."""
     scripted_share: float = 0.25
-    """Play this share of the episodes against the given opponents, and the rest against past selves. In both groups,
-    hard opponents are drawn more often."""
+    """Play this share of the episodes against the given opponents, equally often against each. Play the rest against
+    past selves, more often against those that are hard to beat."""
     snapshot_every: Count = 2_000_000
     """Add a copy of the agent to the league every this many steps."""
     most_past_selves: Count = 12
@@ -56,6 +57,9 @@ class SelfPlayArgs(ppo.PpoArgs):
     response_every: Count = 20_000_000
     """Begin new best responses every this many steps, when those before have joined the league. If they are not done
     by then, wait for them."""
+    exchange: Path | None = None
+    """Share a folder with other runs: copies of the agent are also written there, and policies that appear there join
+    the league. Whatever writes policy files into it can take part."""
 
 
 def resolve(args: SelfPlayArgs) -> SelfPlayArgs:
@@ -66,10 +70,9 @@ def resolve(args: SelfPlayArgs) -> SelfPlayArgs:
     )  # fmt: skip
     for kind in args.responses:
         check_choice("--responses", kind, KINDS)
-    if args.responses and (args.workers or 1) > 1:
-        raise ValueError(
-            f"--workers must be 1 with --responses, which take processors of this machine, got {args.workers}"
-        )
+    for option, given in (("responses", args.responses), ("exchange", args.exchange)):
+        if given and (args.workers or 1) > 1:
+            raise ValueError(f"--workers must be 1 with --{option}, got {args.workers}")
     return ppo.resolve(dataclasses.replace(args, steps=args.steps or STEPS))
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from agents.training.exchange import Exchange
 from agents.training.league import LATEST, LEAST_PRIORITY, League, Member
 from agents.training.ppo import make_env, make_model, make_points_env, make_tables
 from agents.training.recipe import conditions_of
@@ -104,16 +105,16 @@ class TestMember:
 
 
 class TestLeague:
-    def test_draws_follow_the_priorities(self) -> None:
+    def test_draws_follow_the_shares_and_the_priorities(self) -> None:
         league = League(ARGS)
-        league.members[1].won, league.members[2].won = 0.5, 0.0  # priorities 1/4 and 1
+        league.members[1].won, league.members[2].won = 0.5, 0.0  # named opponents have equal shares
         drawn = np.bincount(league.draw(20_000), minlength=3) / 20_000
-        np.testing.assert_allclose(drawn, [0.75, 0.25 / 5, 0.25 * 4 / 5], atol=0.02)  # no past selves yet
+        np.testing.assert_allclose(drawn, [0.75, 0.125, 0.125], atol=0.02)  # no past selves yet
         league.past = {3: some_policy(), 4: some_policy()}
         league.members += [Member("one", won=0.0), Member("other", won=1.0)]
         drawn = np.bincount(league.draw(20_000), minlength=5) / 20_000
         hard, easy = 1.0 / (1.0 + LEAST_PRIORITY), LEAST_PRIORITY / (1.0 + LEAST_PRIORITY)
-        np.testing.assert_allclose(drawn, [0.3, 0.05, 0.2, 0.45 * hard, 0.45 * easy], atol=0.02)
+        np.testing.assert_allclose(drawn, [0.3, 0.125, 0.125, 0.45 * hard, 0.45 * easy], atol=0.02)
 
     def test_past_selves_join_and_the_weakest_leaves(self) -> None:
         league = learn(6 * UPDATE)
@@ -236,3 +237,49 @@ class TestResponses:
     def test_kinds(self) -> None:
         with pytest.raises(ValueError, match="--responses"):
             train(dataclasses.replace(ARGS, responses=("worst",)))
+
+
+class TestExchange:
+    """Runs that share a folder."""
+
+    ARGS = dataclasses.replace(
+        ARGS, steps=3 * UPDATE, warmup_steps=0, eval_episodes=2, report_episodes=2, video_seconds=0.0,
+        snapshot_every=2 * UPDATE, most_past_selves=9, exchange=Path("shared"),
+    )  # fmt: skip
+
+    @staticmethod
+    def members(run: str) -> dict[str, str]:
+        kept = json.loads(Path(f"runs/{run}/league.json").read_text())["members"][3:]
+        members = {member["name"]: f"runs/{run}/league/{member['file']}" for member in kept}
+        assert len(members) == len(kept), "nobody is there twice"
+        return members
+
+    def test_each_takes_in_what_the_others_leave(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(tmp_path)
+        train(dataclasses.replace(self.ARGS, name="one"))
+        assert sorted(path.name for path in Path("shared").iterdir()) == ["one@0.npz", f"one@{2 * UPDATE}.npz"]
+        assert set(self.members("one")) == {"self at 0", f"self at {2 * UPDATE}"}, "its own are no others"
+        some_policy(seed=8).save(Path("shared/somebody.npz"))
+        train(dataclasses.replace(self.ARGS, name="other", seed=1))
+        members = self.members("other")
+        others = {"other one@0": "one@0", f"other one@{2 * UPDATE}": f"one@{2 * UPDATE}", "other somebody": "somebody"}
+        assert set(members) == {"self at 0", f"self at {2 * UPDATE}", *others}
+        for name, file in others.items():
+            assert np.load(members[name])["weight_0"].tolist() == np.load(f"shared/{file}.npz")["weight_0"].tolist()
+        train(SelfPlayArgs(resume="runs/other", steps=4 * UPDATE))
+        assert self.members("other") == members
+
+    def test_files_that_are_no_policies_are_left_out(self, tmp_path: Path) -> None:
+        (tmp_path / "damaged.npz").write_bytes(b"damaged")
+        (tmp_path / ".part-late.npz").write_bytes(b"not yet whole")
+        some_policy().save(tmp_path / "what a name.npz")
+        some_policy().save(tmp_path / "good.npz")
+        exchange = Exchange(tmp_path, "run")
+        with pytest.warns(UserWarning, match="join the league") as warned:
+            assert [name for name, _ in exchange.take()] == ["good"]
+        assert len(warned) == 2
+        assert exchange.take() == []
+
+    def test_one_worker(self) -> None:
+        with pytest.raises(ValueError, match="--workers"):
+            train(dataclasses.replace(self.ARGS, workers=2))
