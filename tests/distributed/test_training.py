@@ -100,7 +100,7 @@ def test_no_address_is_no_run() -> None:
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="finds processes in /proc")
 def test_nothing_is_lost(cluster: Any) -> None:
-    """A worker, a node and the command are killed, and training goes on; Ctrl-C then ends it."""
+    """A worker, a node and the command are killed, and training goes on; SIGTERM and Ctrl-C end it."""
     there = ("--workers", "2", "--address", cluster.address)
     process = start("train_ppo", "--name", "own", "--steps", "1e9", "--eval-every", str(EVERY), *there, *SMALL,
                     folder=Path.cwd())  # fmt: skip
@@ -127,19 +127,22 @@ def test_nothing_is_lost(cluster: Any) -> None:
     taken = [row["steps"] for row in rows["updates"]]
     assert taken == list(range(update, len(taken) * update + 1, update)), "every update once"
 
-    process = start("train_ppo", "--resume", "own", *there, folder=Path.cwd())
-    try:
-        goes_on(process)
-        process.send_signal(signal.SIGINT)
-        printed, _ = process.communicate(timeout=200)
-    finally:
-        process.kill()
-        process.wait()
-    assert process.returncode == 0, printed
-    assert "Traceback" not in printed
-    rows = json.loads(Path("runs/own/evaluations.json").read_text())
-    assert checkpoint() >= rows["updates"][-1]["steps"] > max(steps)
-    assert rows["report"]
+    last = max(steps)
+    for number, code in ((signal.SIGTERM, 128 + signal.SIGTERM), (signal.SIGINT, 0)):
+        process = start("train_ppo", "--resume", "own", *there, folder=Path.cwd())
+        try:
+            goes_on(process)
+            process.send_signal(number)
+            printed, _ = process.communicate(timeout=200)
+        finally:
+            process.kill()
+            process.wait()
+        assert process.returncode == code, printed
+        assert "Traceback" not in printed
+        rows = json.loads(Path("runs/own/evaluations.json").read_text())
+        assert checkpoint() >= rows["updates"][-1]["steps"] > last
+        assert bool(rows["report"]) == (code == 0)
+        last = checkpoint()
     config = json.loads(Path("runs/own/config.json").read_text())
     assert config["num_envs"] == 8, "of both workers"
     assert trainer.own_args(PpoArgs(resume="own"))[1].steps == 10**9
