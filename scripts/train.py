@@ -1,4 +1,4 @@
-"""Train an agent with an algorithm of Stable-Baselines3: python -m scripts.train --algo sac --env AirHockeyHit-v0"""
+"""Train an agent with an algorithm of Stable-Baselines3: python -m scripts.train --algo sac --env AirHockeyDefend-v0"""
 
 from __future__ import annotations
 

@@ -23,6 +23,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecFrameStack, VecTransposeImage
 
 from agents.features import SmallCnn
+from agents.files import read_yaml
 from agents.models import export_policy
 from agents.training.checkpoints import BUFFER_ARRAYS
 from agents.training.hyperparameters import Hyperparameters
@@ -33,7 +34,7 @@ from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
 from tests.helpers import ROOT, Call
 
-IDS = ("AirHockeyHit-v0", "AirHockeyDefend-v0", "AirHockey-v0")
+DEFEND = "AirHockeyDefend-v0"
 
 SMALL = {
     "ppo": "{env_kwargs: {reward: shaped}, policy: MlpPolicy, n_timesteps: 32, n_envs: 4, n_steps: 4, batch_size: 8}",
@@ -43,25 +44,26 @@ SMALL = {
 }
 
 
-def hyperparameters_of(stem: str, env_id: str = IDS[0]) -> Hyperparameters:
+def hyperparameters_of(stem: str, env_id: str = DEFEND) -> Hyperparameters:
     """The hyperparameters of a file in agents/hyperparams."""
     return parsed(resolve(ZooArgs(env=env_id, hyperparams=HYPERPARAMS / f"{stem}.yml")))
 
 
-def small_model(algo: str) -> BaseAlgorithm:
+def small_model(algo: str, **more: Any) -> BaseAlgorithm:
     """With the file's own network, and weights that make it move."""
     hyperparameters = hyperparameters_of(algo)
-    model = make_model(algo, hyperparameters, make_env(IDS[0], hyperparameters))
+    hyperparameters.model.update(more)
+    model = make_model(algo, hyperparameters, make_env(DEFEND, hyperparameters))
     with torch.no_grad():
         for weights in model.policy.parameters():
             weights.add_(0.2 * torch.randn(weights.shape, generator=torch.Generator().manual_seed(1)))
     return model
 
 
-@pytest.mark.parametrize("algo", ALGORITHMS)
-def test_the_exported_policy_acts_as_the_model(algo: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("algo", "sde"), [("ppo", True), ("sac", False), ("sac", True), ("td3", None)])
+def test_the_exported_policy_acts_as_the_model(algo: str, sde: bool | None, tmp_path: Path) -> None:
     """SAC's actions are clipped at tanh(2) with gSDE."""
-    model = small_model(algo)
+    model = small_model(algo) if sde is None else small_model(algo, use_sde=sde)
     observations = np.random.default_rng(5).uniform(-1.0, 1.0, (200, 13)).astype(np.float32)
     expected, _ = model.predict(observations, deterministic=True)
     assert expected.std() > 0.1
@@ -75,7 +77,7 @@ def test_the_exported_policy_acts_as_the_model(algo: str, tmp_path: Path) -> Non
 
 def test_clipped_actions_of_other_networks_are_not_exported() -> None:
     kwargs = {"net_arch": [8], "activation_fn": torch.nn.Tanh}
-    model = SAC("MlpPolicy", make_env(IDS[0], hyperparameters_of("sac")), use_sde=True,
+    model = SAC("MlpPolicy", make_env(DEFEND, hyperparameters_of("sac")), use_sde=True,
                 policy_kwargs=kwargs, buffer_size=100)  # fmt: skip
     with pytest.raises(ValueError, match="rectified hidden layers"):
         export_policy(model)
@@ -89,11 +91,12 @@ def test_a_policy_file_without_squash(tmp_path: Path) -> None:
     np.testing.assert_allclose(MlpPolicy([weight], [bias], squash=True)(seen), np.tanh([[0.5, 0.5]]), rtol=1e-6)
 
 
-@pytest.mark.parametrize("path", sorted(HYPERPARAMS.glob("*.yml")), ids=lambda path: path.stem)
-@pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.parametrize(
+    ("path", "env_id"),
+    [(path, env_id) for path in sorted(HYPERPARAMS.glob("*.yml")) for env_id in read_yaml(path)],
+    ids=lambda value: getattr(value, "stem", value),
+)
 def test_every_section_builds_its_model(path: Path, env_id: str) -> None:
-    if path.stem.endswith("_pixels") and env_id == "AirHockey-v0":
-        pytest.skip("pictures are for the tasks alone")
     hyperparameters = hyperparameters_of(path.stem, env_id)
     env = make_env(env_id, hyperparameters)
     model = make_model(path.stem.removesuffix("_pixels"), hyperparameters, env)
@@ -103,10 +106,10 @@ def test_every_section_builds_its_model(path: Path, env_id: str) -> None:
 
 
 def test_pictures_are_stacked_as_rl_zoo_does() -> None:
-    hyperparameters = hyperparameters_of("ppo_pixels", "AirHockeyDefend-v0")
+    hyperparameters = hyperparameters_of("ppo_pixels", DEFEND)
     assert hyperparameters.frame_stack == 3
     tables = AirHockeySB3VecEnv(2, task="defend", opponent="idle", max_episode_steps=250, obs_type="rgb")
-    ours, theirs = make_env("AirHockeyDefend-v0", hyperparameters, 2), VecTransposeImage(VecFrameStack(tables, 3))
+    ours, theirs = make_env(DEFEND, hyperparameters, 2), VecTransposeImage(VecFrameStack(tables, 3))
     assert ours.observation_space == theirs.observation_space
     for env in (ours, theirs):
         env.seed(3)
@@ -146,7 +149,7 @@ class Look(BaseCallback):
 def tiny_run(algo: str) -> ZooArgs:
     Path("tiny.yml").write_text(f"AirHockeyDefend-v0: {SMALL[algo]}")
     return ZooArgs(
-        algo=algo, env="AirHockeyDefend-v0", hyperparams=Path("tiny.yml"), name="tiny", seed=3, eval_every=30,
+        algo=algo, env=DEFEND, hyperparams=Path("tiny.yml"), name="tiny", seed=3, eval_every=30,
         eval_episodes=2, report_episodes=4, video_seconds=0,
     )  # fmt: skip
 
@@ -267,7 +270,7 @@ def test_a_tiny_run_of_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         text = text.replace(before, f"  {name}: {value}")
     Path("tiny.yml").write_text(text)
     args = ZooArgs(
-        env="AirHockeyDefend-v0", obs_type="grayscale", hyperparams=Path("tiny.yml"), name="tiny", steps=8,
+        env=DEFEND, obs_type="grayscale", hyperparams=Path("tiny.yml"), name="tiny", steps=8,
         eval_episodes=2, report_episodes=2, video_seconds=0.2,
     )  # fmt: skip
     folder = train(args)
@@ -298,7 +301,7 @@ def test_rl_zoo_reads_the_same_files(path: Path, tmp_path: Path) -> None:
     smaller = ("n_envs:2", "batch_size:8", *(("n_steps:8",) if algo == "ppo" else ("learning_starts:8",)))
     done = subprocess.run(
         [
-            *(sys.executable, "-m", "rl_zoo3.train", "--algo", algo, "--env", "AirHockeyHit-v0", "--conf-file", path),
+            *(sys.executable, "-m", "rl_zoo3.train", "--algo", algo, "--env", DEFEND, "--conf-file", path),
             *("--gym-packages", "airhockey_env", "-n", "32", "--eval-freq", "-1", "--log-folder", tmp_path),
             *("--device", "cpu", "--hyperparams", *smaller),
         ],
@@ -309,5 +312,5 @@ def test_rl_zoo_reads_the_same_files(path: Path, tmp_path: Path) -> None:
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    model = ALGORITHMS[algo].load(tmp_path / algo / "AirHockeyHit-v0_1" / "AirHockeyHit-v0.zip", device="cpu")
+    model = ALGORITHMS[algo].load(tmp_path / algo / f"{DEFEND}_1" / f"{DEFEND}.zip", device="cpu")
     assert model.num_timesteps >= 32
