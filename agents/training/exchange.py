@@ -16,7 +16,7 @@ class Exchange:
     Every file is written whole and never changed, so each is read once.
 
     Args:
-        folder: where the policies are, as .npz files. It is made if it is not there.
+        folder: where the policies are, as .npz files.
         run: the name of this run. Files that begin with it are its own.
         known: names of files that have been read before.
     """
@@ -31,7 +31,6 @@ class Exchange:
         Raises:
             OSError: it cannot be written.
         """
-        self.folder.mkdir(parents=True, exist_ok=True)
         policy.save(self.folder / f"{self.run}@{steps}.npz")
 
     def take(self) -> list[tuple[str, MlpPolicy]]:

@@ -91,8 +91,8 @@ class League(BaseCallback):
         self.responses_at: int | None = None  # steps of the agent that those under way are trained against
         self.stop = Stop()
         self.random = np.random.default_rng(sequence("league", args.seed))
-        self._results: list[tuple[int, float, float]] = []  # since the last exchange: member's number, won, drawn
-        self._shared: list[Member] = []  # the members at the last exchange
+        self._results: list[tuple[int, float, float]] = []  # since workers last shared theirs: member's number, won, drawn
+        self._shared: list[Member] = []  # the members at that time
 
     @property
     def pool(self) -> tuple[Opponent, ...]:
@@ -179,13 +179,13 @@ class League(BaseCallback):
             self.responses.begin(latest, self.responses_at)
 
     def _on_rollout_end(self) -> None:
-        self._exchange()
+        self._share_results()
 
     def _on_training_end(self) -> None:
         self.responses.stop()
-        self._exchange()
+        self._share_results()
 
-    def _exchange(self) -> None:
+    def _share_results(self) -> None:
         """Take up the results of all workers in one order, so that all have the same records."""
         if workers.number() > 1:
             results = workers.gather(self._results)

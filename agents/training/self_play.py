@@ -10,7 +10,7 @@ from typing import Annotated
 
 import tyro
 
-from agents.options import Count, check_ranges
+from agents.options import Count, check_ranges, make_folder
 from agents.training import ppo
 from agents.training.league import League
 from agents.training.recipe import Recipe, Setup
@@ -73,6 +73,8 @@ def resolve(args: SelfPlayArgs) -> SelfPlayArgs:
     for option, given in (("responses", args.responses), ("exchange", args.exchange)):
         if given and (args.workers or 1) > 1:
             raise ValueError(f"--workers must be 1 with --{option}, got {args.workers}")
+    if args.exchange is not None:
+        make_folder("exchange", args.exchange)
     return ppo.resolve(dataclasses.replace(args, steps=args.steps or STEPS))
 
 

@@ -162,6 +162,7 @@ train_ppo --reward huge
 train_ppo --num-envs 0
 train_ppo --device abacus
 train_self_play --responses worst
+train_self_play --exchange no/folder
 train_self_play --response-every 0
 distill --more-cameras eye
 train_ppo --steps 0
