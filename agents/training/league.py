@@ -91,8 +91,8 @@ class League(BaseCallback):
         self.responses_at: int | None = None  # steps of the agent that those under way are trained against
         self.stop = Stop()
         self.random = np.random.default_rng(sequence("league", args.seed))
-        self._results: list[tuple[int, float, float]] = []  # since workers last shared theirs: member's number, won, drawn
-        self._shared: list[Member] = []  # the members at that time
+        self._results: list[tuple[int, float, float]] = []  # not yet shared with workers: member, won, drawn
+        self._shared: list[Member] = []  # the members when results were last shared
 
     @property
     def pool(self) -> tuple[Opponent, ...]:
