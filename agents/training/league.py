@@ -142,8 +142,9 @@ class League(BaseCallback):
             self.take_in(f"self at {self.num_timesteps}", latest)
             if self.exchange is not None:
                 self.exchange.put(latest, self.num_timesteps)
-        for name, policy in () if self.exchange is None else self.exchange.take():
-            self.take_in(f"{OTHER}{name}", policy)
+        if self.exchange is not None:
+            for name, policy in self.exchange.take():
+                self.take_in(f"{OTHER}{name}", policy)
         if self.args.responses and self.num_timesteps >= self.responses_due:
             self._see_to_responses(latest)
         self._remember()

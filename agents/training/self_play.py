@@ -73,9 +73,10 @@ def resolve(args: SelfPlayArgs) -> SelfPlayArgs:
     for option, given in (("responses", args.responses), ("exchange", args.exchange)):
         if given and (args.workers or 1) > 1:
             raise ValueError(f"--workers must be 1 with --{option}, got {args.workers}")
-    if args.exchange is not None:
+    args = ppo.resolve(dataclasses.replace(args, steps=args.steps or STEPS))
+    if args.exchange is not None:  # last, so that nothing is written if another option is wrong
         make_folder("exchange", args.exchange)
-    return ppo.resolve(dataclasses.replace(args, steps=args.steps or STEPS))
+    return args
 
 
 def build(args: SelfPlayArgs, new: bool) -> Setup:
