@@ -152,17 +152,25 @@ class League(BaseCallback):
         self.logger.record("league/won", float(np.mean([member.won for member in self.members])))
 
     def _on_step(self) -> bool:
+        rewards = self.locals["rewards"]  # changed in place, before Stable-Baselines3 stores them
+        rewards[np.flatnonzero(self._scripted(self.tables.opponent_indices))] -= self.args.step_cost
         rows = np.flatnonzero(self.locals["dones"][: self.tables.num_envs])
         if len(rows):
             numbers = self.tables.opponent_indices[rows]
             for row, number in zip(rows, numbers, strict=True):
                 info = self.locals["infos"][row]
-                drawn = info["TimeLimit.truncated"]
-                result = (int(number), 0.5 if drawn else float(info["is_success"]), float(drawn))
+                drawn, won = info["TimeLimit.truncated"], info["is_success"]
+                if won and not self._scripted(number):
+                    rewards[row] += self.args.win_value - 1.0
+                result = (int(number), 0.5 if drawn else float(won), float(drawn))
                 self._results.append(result)
                 self.members[number].record(*result[1:])
             self.tables.set_opponents(self.draw(len(rows)), rows)
         return True
+
+    def _scripted(self, number: Any) -> Any:
+        """Whether the opponents of these numbers are among the given ones."""
+        return (number > 0) & (number <= len(self.scripted))
 
     def _see_to_responses(self, latest: MlpPolicy) -> None:
         """Take the best responses in, and begin new ones to the agent as it is now."""

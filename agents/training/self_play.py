@@ -57,6 +57,12 @@ class SelfPlayArgs(ppo.PpoArgs):
     response_every: Count = 20_000_000
     """Begin new best responses every this many steps, when those before have joined the league. If they are not done
     by then, wait for them."""
+    win_value: float = 1.0
+    """Let a point that is won against a past self, a best response or a member from elsewhere earn this much, while one
+    that is lost always costs 1. With less than 1, the agent learns to take few risks with opponents that it does not
+    know."""
+    step_cost: float = 0.0
+    """Let every step against the given opponents cost this much, so that the agent attacks them rather than draws."""
     exchange: Path | None = None
     """Share a folder with other runs: copies of the agent are also written there, and policies that appear there join
     the league. Whatever writes policy files into it can take part."""
@@ -66,7 +72,8 @@ def resolve(args: SelfPlayArgs) -> SelfPlayArgs:
     """Check the options and fill in the numbers of steps. See `Recipe.resolve`."""
     check_ranges(
         args, latest_share=(0, 1), scripted_share=(0, 1 - args.latest_share), snapshot_every=(1, math.inf),
-        most_past_selves=(1, 1000), response_steps=(1, math.inf), response_every=(1, math.inf),
+        most_past_selves=(1, 1000), response_steps=(1, math.inf), response_every=(1, math.inf), win_value=(0, 1),
+        step_cost=(0, 1),
     )  # fmt: skip
     for kind in args.responses:
         check_choice("--responses", kind, KINDS)

@@ -145,6 +145,22 @@ class TestLeague:
         assert striker.won < 0.5, "untrained, it loses to the striker"
         assert 0.0 <= past.won <= 1.0
 
+    def test_rewards_are_weighed_by_opponent(self) -> None:
+        args = dataclasses.replace(
+            ARGS, reward="sparse", latest_share=0.0, scripted_share=0.7, win_value=0.25, step_cost=0.125
+        )
+        league = League(args)
+        model = make_model(args, make_env(args, opponents=league.pool))
+        model.learn(UPDATE, callback=league)
+        assert (model.rollout_buffer.rewards == -0.125).any(), "what is changed in place is what the agent learns from"
+        league.tables.set_opponents([0, 1, 1, 2, 3, 3])
+        won, over = np.array([1, 1, 0, 0, 1, 0], bool), np.array([1, 1, 1, 0, 1, 1], bool)
+        rewards = np.where(over, np.where(won, 1.0, -1.0), 0.0).astype(np.float32)
+        infos = [{"is_success": w, "TimeLimit.truncated": False} if o else {} for w, o in zip(won, over, strict=True)]
+        league.update_locals({"rewards": rewards, "dones": over, "infos": infos})
+        league.on_step()
+        np.testing.assert_array_equal(rewards, np.float32([0.25, 0.875, -1.125, -0.125, 0.25, -1.0]))
+
     def test_save_and_load(self, tmp_path: Path) -> None:
         league = learn(6 * UPDATE)
         league.save(tmp_path)
