@@ -5,6 +5,10 @@ the episodes. Each scripted opponent is drawn equally often; otherwise they woul
 agent would forget them. Among the past selves, prioritised fictitious self-play draws harder ones more often (Vinyals
 et al., "Grandmaster level in StarCraft II using multi-agent reinforcement learning", Nature 575, 2019).
 
+A point lost costs 1, but one won may be worth less than 1 (`win_value`), except against scripted opponents. An agent
+that attacks whenever it wins more points than it loses leaves its goal to whoever waits for that. One for which losses
+count more holds back until it is safe, and against scripted opponents it can be made to hurry (`step_cost`).
+
 The environment is exactly the same from both sides, so the agent learns on the left and its opponents play on the
 right.
 

@@ -62,7 +62,7 @@ class SelfPlayArgs(ppo.PpoArgs):
     that is lost always costs 1. With less than 1, the agent learns to take few risks with opponents that it does not
     know."""
     step_cost: float = 0.0
-    """Let every step against the given opponents cost this much, so that the agent attacks them rather than draws."""
+    """Let every step against the given opponents cost this much, so that the agent attacks them instead of waiting."""
     exchange: Path | None = None
     """Share a folder with other runs: copies of the agent are also written there, and policies that appear there join
     the league. Whatever writes policy files into it can take part."""

@@ -7,18 +7,22 @@ Without one there is one worker, and every function returns what that one has.
 from __future__ import annotations
 
 import hashlib
+import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, TypeVar
 
 import torch
+from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.type_aliases import DictRolloutBufferSamples, RolloutBufferSamples
 from torch import distributed, nn
 
 from agents.training.stopping import Stop
 
 Item = TypeVar("Item")
+Samples = TypeVar("Samples", RolloutBufferSamples, DictRolloutBufferSamples)
 
 
 class WorkerLost(RuntimeError):
@@ -87,9 +91,9 @@ def _together(act: Callable[[], object]) -> None:
 class Together(BaseCallback):
     """Lets the workers of a run take every step of the optimizer together. It has to be the first callback.
 
-    Each worker computes the gradients of its own samples. At the end of the backward pass they are averaged over the
-    workers; what follows, such as clipping, is as if one process had all samples. `num_timesteps` counts the steps of
-    all workers.
+    Each worker computes the gradients of its own samples. Advantages are normalised over the samples of all workers,
+    and gradients are averaged over the workers at the end of the backward pass; what follows, such as clipping, is as
+    if one process had all samples. `num_timesteps` counts the steps of all workers.
 
     Args:
         stop: the signals that have arrived. It is set between two rollouts, so that all workers stop at the same step.
@@ -107,11 +111,15 @@ class Together(BaseCallback):
         self._hooks = average_gradients(list(self.model.policy.parameters()), self._wait)
         self._since = time.perf_counter()
 
+    def _on_rollout_start(self) -> None:
+        self._normalise_together(False)  # an update is over, and a checkpoint may be written now
+
     def _on_step(self) -> bool:
         self.model.num_timesteps += (number() - 1) * self.training_env.num_envs
         return True
 
     def _on_rollout_end(self) -> None:
+        self._normalise_together(number() > 1)
         arrived = self.signals(self.model.num_timesteps) if rank() == 0 else []
         self.stop.asked[:] = gather(arrived)[0]
         now = time.perf_counter()
@@ -120,11 +128,37 @@ class Together(BaseCallback):
         self.waited, self._since = 0.0, now
 
     def _on_training_end(self) -> None:
+        self._normalise_together(False)
         for hook in self._hooks:
             hook.remove()
 
+    def _normalise_together(self, together: bool) -> None:
+        """Normalise the advantages of a minibatch over all workers or, as Stable-Baselines3 does, over one."""
+        assert isinstance(self.model, PPO)
+        buffer = self.model.rollout_buffer
+        self.model.normalize_advantage = not together
+        if together:
+            vars(buffer)["get"] = lambda size: normalised(type(buffer).get(buffer, size))
+        else:
+            vars(buffer).pop("get", None)
+
     def _wait(self, seconds: float) -> None:
         self.waited += seconds
+
+
+def normalised(minibatches: Iterable[Samples]) -> Iterator[Samples]:
+    """The minibatches of a pass over a rollout, each with advantages normalised over those of all workers.
+
+    Raises:
+        WorkerLost: a worker does not answer.
+    """
+    own = list(minibatches)
+    found = [samples.advantages.double() for samples in own]
+    sums = total(*[float(part) for a in found for part in (len(a), a.sum(), (a * a).sum())])
+    for samples, count, first, second in zip(own, sums[::3], sums[1::3], sums[2::3], strict=True):
+        mean = first / count
+        deviation = math.sqrt(max(second - count * mean * mean, 0.0) / (count - 1.0))
+        yield samples._replace(advantages=(samples.advantages - mean) / (deviation + 1e-8))
 
 
 def average_gradients(weights: Sequence[nn.Parameter], waited: Callable[[float], None]) -> list[Any]:

@@ -16,6 +16,7 @@ import pytest
 import torch
 from gymnasium.error import DependencyNotInstalled
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.type_aliases import RolloutBufferSamples
 from torch import distributed, multiprocessing
 
 from agents.seeding import sequence
@@ -100,6 +101,15 @@ def average() -> list[float]:
     return weight.grad.tolist()
 
 
+def normalise() -> list[list[float]]:
+    """The advantages of this worker's two minibatches, after those of both workers were normalised together."""
+    rest = [torch.zeros(2)] * 4
+    own = [
+        RolloutBufferSamples(*rest, torch.tensor(a) + 4.0 * workers.rank(), rest[0]) for a in ([0.0, 2.0], [5.0, 5.0])
+    ]
+    return [samples.advantages.tolist() for samples in workers.normalised(own)]
+
+
 def child(rank: int, folder: Path) -> None:
     """A worker. It writes what it has into a file."""
     os.environ["GLOO_SOCKET_IFNAME"] = "lo"
@@ -111,6 +121,7 @@ def child(rank: int, folder: Path) -> None:
     asked = [signal.SIGINT]
     found = {
         "average": average(),
+        "normalise": normalise(),
         "total": workers.total(1.0, rank),
         "gather": workers.gather(("worker", rank)),
         "whole": learn(dataclasses.replace(args, name="whole"), lambda steps: [], Look()),
@@ -137,6 +148,17 @@ def test_gradients_are_averaged_and_then_clipped(both: list[dict[str, Any]]) -> 
     for found in both:
         np.testing.assert_allclose(found["average"], np.array([1.5, 2.0]) / 2.5, rtol=1e-5)
         assert found["total"] == [2.0, 1.0]
+
+
+def test_advantages_are_normalised_over_all_workers(both: list[dict[str, Any]]) -> None:
+    whole = np.array([[0.0, 2.0, 4.0, 6.0], [5.0, 5.0, 9.0, 9.0]])
+    expected = (whole - whole.mean(1, keepdims=True)) / whole.std(1, ddof=1, keepdims=True)
+    for rank, found in enumerate(both):
+        np.testing.assert_allclose(found["normalise"], expected[:, 2 * rank : 2 * rank + 2], rtol=1e-6)
+
+
+def test_workers_gather(both: list[dict[str, Any]]) -> None:
+    for found in both:
         assert found["gather"] == [("worker", 0), ("worker", 1)]
 
 
