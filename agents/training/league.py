@@ -7,7 +7,8 @@ et al., "Grandmaster level in StarCraft II using multi-agent reinforcement learn
 
 A point lost costs 1, but one won may be worth less than 1 (`win_value`), except against scripted opponents. An agent
 that attacks whenever it wins more points than it loses leaves its goal to whoever waits for that. One for which losses
-count more holds back until it is safe, and against scripted opponents it can be made to hurry (`step_cost`).
+count more holds back until it is safe. `forward_cost` helps it to find out that it can come back after a shot, and
+`step_cost` lets it hurry where there is little to fear.
 
 The environment is exactly the same from both sides, so the agent learns on the left and its opponents play on the
 right.
@@ -25,6 +26,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from stable_baselines3.common.callbacks import BaseCallback
 
 from agents.files import COUNT, FILE, SHARE, TEXT, or_none, read_json, write_json
@@ -58,6 +60,10 @@ NAME = re.compile(rf"(self|response [a-z]+-[0-9]+) at [0-9]+|{OTHER}{runs.NAME.p
 """The names of members with files."""
 
 
+BACK = -0.6
+"""A paddle that is at most so far forward, in half lengths, counts as back at its goal."""
+
+
 @dataclass
 class Member:
     """A member of the league, and the agent's recent results against it."""
@@ -77,6 +83,16 @@ class Member:
     @property
     def priority(self) -> float:
         return max((1.0 - self.won) ** 2, LEAST_PRIORITY)
+
+
+def forward(exact: NDArray[np.float32]) -> NDArray[np.float32]:
+    """How far the paddles are forward while the puck is on the far side or on its way: (N,), 0 to 1 at the centre line.
+
+    Args:
+        exact: exact states, (N, 13), as the environment's docstring describes them.
+    """
+    gone = (exact[:, 8] > 0.0) | (exact[:, 10] > 0.0)
+    return np.where(gone, np.maximum(exact[:, 0] - BACK, 0.0) / -BACK, 0.0).astype(np.float32)
 
 
 class League(BaseCallback):
@@ -158,6 +174,8 @@ class League(BaseCallback):
     def _on_step(self) -> bool:
         rewards = self.locals["rewards"]  # changed in place, before Stable-Baselines3 stores them
         rewards[np.flatnonzero(self._scripted(self.tables.opponent_indices))] -= self.args.step_cost
+        if self.args.forward_cost > 0.0:
+            rewards[: self.tables.num_envs] -= self.args.forward_cost * forward(self.tables.exact_observations())
         rows = np.flatnonzero(self.locals["dones"][: self.tables.num_envs])
         if len(rows):
             numbers = self.tables.opponent_indices[rows]

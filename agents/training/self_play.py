@@ -63,6 +63,9 @@ class SelfPlayArgs(ppo.PpoArgs):
     know."""
     step_cost: float = 0.0
     """Let every step against the given opponents cost this much, so that the agent attacks them instead of waiting."""
+    forward_cost: float = 0.0
+    """Let every step in which the puck is on the far side or on its way there cost up to this much: all of it with the
+    paddle at the centre line, and less the nearer it is to its goal. The agent learns to come back after a shot."""
     exchange: Path | None = None
     """Share a folder with other runs: copies of the agent are also written there, and policies that appear there join
     the league. Whatever writes policy files into it can take part."""
@@ -73,7 +76,7 @@ def resolve(args: SelfPlayArgs) -> SelfPlayArgs:
     check_ranges(
         args, latest_share=(0, 1), scripted_share=(0, 1 - args.latest_share), snapshot_every=(1, math.inf),
         most_past_selves=(1, 1000), response_steps=(1, math.inf), response_every=(1, math.inf), win_value=(0, 1),
-        step_cost=(0, 1),
+        step_cost=(0, 1), forward_cost=(0, 1),
     )  # fmt: skip
     for kind in args.responses:
         check_choice("--responses", kind, KINDS)

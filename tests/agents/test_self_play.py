@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from agents.training.exchange import Exchange
-from agents.training.league import LATEST, LEAST_PRIORITY, League, Member
+from agents.training.league import LATEST, LEAST_PRIORITY, League, Member, forward
 from agents.training.ppo import make_env, make_model, make_points_env, make_tables
 from agents.training.recipe import conditions_of
 from agents.training.responses import Responses
@@ -160,6 +160,21 @@ class TestLeague:
         league.update_locals({"rewards": rewards, "dones": over, "infos": infos})
         league.on_step()
         np.testing.assert_array_equal(rewards, np.float32([0.25, 0.875, -1.125, -0.125, 0.25, -1.0]))
+
+    def test_a_paddle_that_stays_forward_costs(self) -> None:
+        exact = np.zeros((6, 13), np.float32)
+        exact[:, 0] = [0.0, -0.3, -0.3, -0.3, -0.8, -0.6]  # the paddle's x, then the puck's x and velocity
+        exact[:, 8] = [0.5, -0.1, 0.5, -0.1, 0.5, 0.5]
+        exact[:, 10] = [0.0, 0.2, -0.2, -0.2, 0.2, 0.2]
+        np.testing.assert_allclose(forward(exact), [1.0, 0.5, 0.5, 0.0, 0.0, 0.0], rtol=1e-6)
+        args = dataclasses.replace(ARGS, reward="sparse", forward_cost=0.5, gamma=0.99)
+        league = League(args)
+        model = make_model(args, make_env(args, opponents=league.pool))
+        model.learn(UPDATE, callback=league)
+        vars(league.tables)["exact_observations"] = lambda: exact
+        league.update_locals({"rewards": (rewards := np.zeros(6, np.float32)), "dones": np.zeros(6, bool), "infos": []})
+        league.on_step()
+        np.testing.assert_allclose(rewards, [-0.5, -0.25, -0.25, 0.0, 0.0, 0.0], rtol=1e-6)
 
     def test_save_and_load(self, tmp_path: Path) -> None:
         league = learn(6 * UPDATE)
