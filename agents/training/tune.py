@@ -288,6 +288,7 @@ class Report(BaseCallback):
         super().__init__()
         self.trial, self.folder, self.every, self.prune = trial, folder, every, prune
         self.changed = 0
+        self.reported: set[int] = set()  # Optuna warns of a step that is reported again
 
     def _on_step(self) -> bool:
         return True
@@ -299,6 +300,8 @@ class Report(BaseCallback):
         self.changed = changed
         for row in read_evaluations(self.folder):
             step = round(row["steps"] / self.every)
-            self.trial.report(measured(row), step)
+            if step not in self.reported:
+                self.reported.add(step)
+                self.trial.report(measured(row), step)
         if self.prune and self.trial.should_prune():
             raise import_optuna().TrialPruned
