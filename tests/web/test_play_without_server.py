@@ -290,13 +290,21 @@ def test_the_paddle_follows_the_pointer_as_in_python(site: str, browser: Browser
     np.testing.assert_allclose(actions, expected, rtol=0.0, atol=1e-9)
 
 
-def test_a_page_that_cannot_load_its_game_says_so(tmp_path: Path, browser: Browser) -> None:
+@pytest.fixture
+def site_without_game(tmp_path: Path) -> Iterator[str]:
+    """The address of a page whose game is missing."""
     write_page(tmp_path, POLICIES)
     (tmp_path / "game.wasm").unlink()
-    browser.allowed_errors.append("game.wasm")
     with serving(tmp_path) as address:
-        browser.open(address)
-        browser.wait(lambda: "game.wasm" in browser.text("line"), "no reason")
+        yield address
+
+
+# The server is a fixture before the browser's, so that it serves until the browser has left: Chromium may ask for the
+# icon at any time, and a server that stops before would be an error in the console.
+def test_a_page_that_cannot_load_its_game_says_so(site_without_game: str, browser: Browser) -> None:
+    browser.allowed_errors.append("game.wasm")
+    browser.open(site_without_game)
+    browser.wait(lambda: "game.wasm" in browser.text("line"), "no reason")
 
 
 def test_directions_and_stacks_are_refused(tmp_path: Path) -> None:
