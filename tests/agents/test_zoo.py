@@ -10,6 +10,7 @@ import re
 import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -312,5 +313,6 @@ def test_rl_zoo_reads_the_same_files(path: Path, tmp_path: Path) -> None:
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    model = ALGORITHMS[algo].load(tmp_path / algo / f"{DEFEND}_1" / f"{DEFEND}.zip", device="cpu")
-    assert model.num_timesteps >= 32
+    # Loading the model here would import rl_zoo3, which replaces Gymnasium's TimeLimit for all tests of this process.
+    with zipfile.ZipFile(tmp_path / algo / f"{DEFEND}_1" / f"{DEFEND}.zip") as model:
+        assert json.loads(model.read("data"))["num_timesteps"] >= 32
