@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import torch
+from gymnasium import spaces
 from stable_baselines3 import PPO
 from torch import nn
 
-from agents.features import RelativeFeatures
+from agents.features import RelativeFeatures, stack_of_shape
 from agents.sb3_files import read_model
 from agents.training.runs import RunFolder
 from airhockey_env.opponents.policy import MlpPolicy
@@ -60,9 +61,10 @@ def _read_policy(start: str) -> MlpPolicy:
 
 
 def can_start(policy: MlpPolicy) -> bool:
-    """Whether training can start with a policy: it must have the layers that `train_ppo` gives its policies."""
+    """Whether training can start with a policy: its inputs and layers must be those that `train_ppo` gives its policies."""
     widths = [len(bias) for bias in policy.biases]
-    return policy.activation == "relu" and not policy.squash and widths[2:] == [2] and widths[0] == widths[1]
+    layers = widths[2:] == [2] and widths[0] == widths[1]
+    return policy.stack == 1 and policy.activation == "relu" and not policy.squash and layers
 
 
 def _copy_network(folder: RunFolder, model: PPO) -> None:
@@ -80,6 +82,10 @@ def _copy_policy(policy: MlpPolicy, model: PPO) -> None:
         raise ValueError(
             f"--start must be a policy with {len(layers) - 1} hidden layers of ReLU units and clipped outputs"
         )
+    assert isinstance(model.observation_space, spaces.Box)
+    stack = stack_of_shape(model.observation_space.shape)
+    if policy.stack != stack:
+        raise ValueError(f"--stack must be {policy.stack}, as in --start, got {stack}")
     width = len(policy.biases[0])
     if width != layers[0].out_features:
         raise ValueError(f"--net-width must be {width}, as in --start, got {layers[0].out_features}")
