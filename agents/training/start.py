@@ -25,7 +25,7 @@ STRONGEST = "expert"
 
 KINDS = {
     "scratch": "from an untrained network, as train_ppo does",
-    "own": "from the player's own network, if its layers are like those of train_ppo",
+    "own": "from the player's own network, if its inputs and layers are like those of train_ppo",
     STRONGEST: f"from {STRONGEST}, the strongest player that ships",
 }
 """The kinds of best responses: where their training begins."""
@@ -61,7 +61,7 @@ def _read_policy(start: str) -> MlpPolicy:
 
 
 def can_start(policy: MlpPolicy) -> bool:
-    """Whether training can start with a policy: its inputs and layers must be those that `train_ppo` gives its policies."""
+    """Whether training can start with a policy: its inputs and layers must be those of `train_ppo` by default."""
     widths = [len(bias) for bias in policy.biases]
     layers = widths[2:] == [2] and widths[0] == widths[1]
     return policy.stack == 1 and policy.activation == "relu" and not policy.squash and layers
