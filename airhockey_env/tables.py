@@ -208,10 +208,11 @@ def resolve_table(table: str | TableSpec | Mapping[str, float]) -> TableSpec:
         fields = dataclasses.fields(TableSpec)
         known = {field.name for field in fields}
         needed = {field.name for field in fields if field.default is dataclasses.MISSING}
-        wrong = [f"{name!r} is not a field" for name in table if name not in known]
-        wrong += [f"{name!r} is missing" for name in sorted(needed - table.keys())]
-        if wrong:
-            raise ValueError(f"table must be a mapping of the fields of a TableSpec, got one in which {wrong[0]}")
+        expected = "table must be a mapping of the fields of a TableSpec"
+        if unknown := [name for name in table if name not in known]:
+            raise ValueError(f"{expected}, got the field {unknown[0]!r}, which is none of {sorted(known)}")
+        if missing := sorted(needed - table.keys()):
+            raise ValueError(f"{expected}, got one without {missing}")
         return TableSpec(**table)
     raise fault("table", f"one of {sorted(PRESETS)}, a TableSpec or a mapping of its fields", table)
 

@@ -105,7 +105,7 @@ def fit_table(track: Track, base: TableSpec, known: Mapping[str, float] | None =
         glides, meetings = _glides_and_meetings(track, noise)
     bounces = find_bounces(meetings)
     told = estimate(glides, bounces)
-    fields = {name: Field(getattr(base, name), KEPT, note="a track of the puck does not tell it") for name in FIELDS}
+    fields = {name: Field(getattr(base, name), KEPT, note="a track says nothing about it") for name in FIELDS}
     fields.update({name: Field(value, GIVEN) for name, value in known.items()})
     fields.update(_glide_fields(glides, told, base))
     fields.update(_wall_fields(told, base))
@@ -178,7 +178,7 @@ def _sizes(told: Estimates, base: TableSpec, known: Mapping[str, float]) -> dict
     """Length, width and the puck's radius: the track tells half the sizes minus the radius."""
     reaches = {name: _reach(told, axis) for axis, name in enumerate(("length", "width"))}
     fields: dict[str, Field] = {}
-    radius, side, rests = known.get("puck_radius", base.puck_radius), 0.0, "the puck_radius that was given"
+    radius, side, rests = known.get("puck_radius", base.puck_radius), 0.0, "with the given puck_radius"
     if "puck_radius" not in known:
         # Each size that was given tells the radius; their mean weighs them by their intervals.
         found = [
@@ -190,11 +190,11 @@ def _sizes(told: Estimates, base: TableSpec, known: Mapping[str, float]) -> dict
             weights = np.array([1.0 / side**2 for _, side in found])
             radius, side = float(np.average([one for one, _ in found], weights=weights)), float(weights.sum() ** -0.5)
             fields["puck_radius"] = Field(radius, FITTED, radius - side, radius + side)
-            rests = "the puck_radius that was fitted"
+            rests = "with the fitted puck_radius"
         else:
             note = "the track tells only the table's sizes minus the puck's diameter"
             fields["puck_radius"] = Field(radius, KEPT, note=note)
-            rests = "the puck_radius that was kept"
+            rests = "with the puck_radius of the table"
     for name, reach in reaches.items():
         if name in known:
             continue
@@ -204,7 +204,7 @@ def _sizes(told: Estimates, base: TableSpec, known: Mapping[str, float]) -> dict
             )
             continue
         value, own = 2.0 * (reach.value + radius), 2.0 * math.hypot(reach.high - reach.value, side)
-        fields[name] = Field(value, FITTED, value - own, value + own, note=f"given {rests}, {radius:.5g} m")
+        fields[name] = Field(value, FITTED, value - own, value + own, note=f"{rests}, {radius:.5g} m")
     return fields
 
 

@@ -65,7 +65,7 @@ def test_files(suffix: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("option", "fields", "told"),
     [
-        ("table", {"length": 2.0}, "is missing"),
+        ("table", {"length": 2.0}, "without"),
         ("table", {**dataclasses.asdict(FULL_SIZE), "width": -1}, "width"),
         ("table", {**dataclasses.asdict(FULL_SIZE), "colour": 1}, "colour"),
         ("randomize", {"length": 2}, "length"),
