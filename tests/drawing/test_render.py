@@ -362,6 +362,7 @@ def test_missing_pygame_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None
         Window(SMALL)
 
 
+@pytest.mark.filterwarnings("ignore:.*invalid escape sequence")  # moviepy, where pip has not compiled it
 def test_gymnasiums_record_video(tmp_path):
     pytest.importorskip("moviepy", reason='needs the extra "video"')
     env = gymnasium.make("AirHockey-v0", render_mode="rgb_array", render_size=(64, 36), max_episode_steps=6)
