@@ -96,14 +96,16 @@ class Progress(BaseCallback):
         super().__init__()
         self.name, self.every, self.points = name, every, points
         self.rows: list[Row] = []
+        self._due = every
         self._begun = time.perf_counter()
 
     def _on_step(self) -> bool:
         return True
 
     def _on_rollout_end(self) -> None:
-        if self.num_timesteps >= self.every * (len(self.rows) + 1):
+        if self.num_timesteps >= self._due:
             self.evaluate()
+            self._due = (self.num_timesteps // self.every + 1) * self.every
 
     def evaluate(self) -> None:
         """Add a row."""
