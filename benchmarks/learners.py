@@ -19,6 +19,7 @@ from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 
 from agents.features import relative_features
 from agents.measuring.evaluation import play_points
+from agents.measuring.shares import Share
 from agents.training.learning import seed_learning
 from agents.training.ppo import WINDOW, PpoArgs, make_env, make_model, model_arguments, phases
 from agents.training.recipe import History
@@ -148,9 +149,8 @@ def table(rows: list[Row]) -> Iterator[tuple[str, ...]]:
     """The rows as a table."""
     yield ("learner", "million steps", "minutes", "steps/s", "of the decided points (95 %)", "draws")
     for row in rows:
-        low, high = row["decided_win_rate_95"]
-        share = f"{row['decided_win_rate']:.1%} ({low:.1%}-{high:.1%})" if row["draws"] < row["points"] else "none"
         yield (
             row["learner"], f"{row['steps'] / 1e6:.1f}", f"{row['seconds'] / 60:.1f}",
-            f"{row['steps'] / row['seconds']:,.0f}", share, f"{row['draws']} of {row['points']}",
+            f"{row['steps'] / row['seconds']:,.0f}", str(Share(row["wins"], row["wins"] + row["losses"])),
+            f"{row['draws']} of {row['points']}",
         )  # fmt: skip
