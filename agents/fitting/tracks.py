@@ -50,7 +50,8 @@ def read_track(path: Path) -> Track:
             head = [name.strip().lower() for name in next(lines, [])]
             for name in COLUMNS:
                 if head.count(name) != 1:
-                    raise ValueError(f"{path} must have one column {name!r} in its first line, got {head}")
+                    hint = "; its columns must be separated by commas" if len(head) == 1 and ";" in head[0] else ""
+                    raise ValueError(f"{path} must have one column {name!r} in its first line, got {head}{hint}")
             places = [head.index(name) for name in COLUMNS]
             for cells in lines:
                 if cells:

@@ -220,6 +220,7 @@ BAD = {
     "no column y": (["time,x", *GOOD[1:]], "'y'"),
     "a column twice": (["time,x,y,x", *(f"{line},0" for line in GOOD[1:])], "'x'"),
     "no head": (GOOD[1:], "'time'"),
+    "semicolons": ([line.replace(",", ";") for line in GOOD], "separated by commas"),
     "empty": ([], "'time'"),
     "NaN": ([*GOOD, "9,nan,0"], f"line {FEWEST_ROWS + 2}: x"),
     "infinity": ([*GOOD, "9,0,inf"], f"line {FEWEST_ROWS + 2}: y"),
