@@ -15,7 +15,6 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecMonitor
 
-from agents import symmetry
 from agents.cluster import check_ray
 from agents.conditions import Conditions, in_words
 from agents.features import RelativeFeatures
@@ -118,9 +117,6 @@ class PpoArgs(TrainArgs):
     """Let this standard deviation fall geometrically to this value, instead of learning it. With 0, it is learned."""
     net_width: Count = 128
     """Give the policy and the value network two hidden layers of this many units each."""
-    symmetric: bool = True
-    """Keep the networks symmetric about the long axis of the table, so that what is learned on one side holds on the
-    other. A run that begins with a network that is not symmetric trains it as it is."""
     workers: Workers = None
     address: Address = None
 
@@ -244,10 +240,7 @@ def make_tables(
 
 def make_model(args: PpoArgs, env: VecMonitor) -> PPO:
     """Make an untrained agent."""
-    model = PPO("MlpPolicy", env, **model_arguments(args))
-    if args.symmetric:
-        symmetry.make_symmetric(model)
-    return model
+    return PPO("MlpPolicy", env, **model_arguments(args))
 
 
 def model_arguments(args: PpoArgs) -> dict[str, Any]:
@@ -281,8 +274,6 @@ def model_arguments(args: PpoArgs) -> dict[str, Any]:
 def phases(args: PpoArgs, model: PPO, league: League | None, history: History) -> Iterator[Phase]:
     """Shooting practice, unless it is over or not wanted; then points."""
     assert args.steps is not None and args.warmup_steps is not None
-    if args.symmetric and symmetry.is_symmetric(model):
-        symmetry.keep_symmetric(model)
     practise = args.start is None
     names = " and ".join(dict.fromkeys(map(short_name, args.opponent)))
     whom = f"against {names}" + ("" if league is None else " and its past selves")

@@ -30,8 +30,8 @@ from agents.training.train import train
 
 UPDATE = 8 * 8
 ARGS = SelfPlayArgs(
-    steps=300 * UPDATE,
-    eval_every=110 * UPDATE,
+    steps=110 * UPDATE,
+    eval_every=40 * UPDATE,
     warmup_steps=50 * UPDATE,
     warmup_success=0.0,  # practice ends when the window of episodes is full
     num_envs=8,
@@ -181,7 +181,7 @@ def test_one_evaluates_and_writes(both: list[dict[str, Any]]) -> None:
     assert second["files"] == []
     rows = [[row["steps"] for row in found["history"]["evaluations"]] for found in (first, second)]
     assert rows[0] == rows[1]
-    assert [steps // ARGS.eval_every for steps in rows[0]] == [0, 1, 2]
+    assert [steps // (40 * UPDATE) for steps in rows[0]] == [0, 1, 2]
     assert second["history"]["updates"] == []
     waited = [row["averaging"] for row in first["history"]["updates"] if "averaging" in row]
     assert len(waited) == len(first["history"]["updates"]) - 1, "before the first update there was none"
