@@ -50,8 +50,7 @@ def study(args: LearnerStudyArgs) -> list[dict[str, Any]]:
     check_output("json", args.json)
     for learner in args.learners:
         LEARNERS[learner].check()
-    # Not every learner has symmetric networks, so that none has them here.
-    options = resolve(PpoArgs(steps=args.steps, seed=args.seed, eval_every=args.eval_every, symmetric=False))
+    options = resolve(PpoArgs(steps=args.steps, seed=args.seed, eval_every=args.eval_every))
     rows: list[dict[str, Any]] = []
     for learner in args.learners:
         rows += learn(LEARNERS[learner], options, args.points)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.conditions import EXACT, in_words
+from agents.files import read_json
 from agents.measuring.evaluation import SOLO_TASKS, TaskResult, play_task
 from agents.models import load_player, player_of, short_name
 from agents.options import Count, OptionalCount, check_ranges
@@ -165,8 +166,13 @@ def take_over(model: Student, folder: RunFolder) -> None:
     try:
         model.policy.load_state_dict(read_model(folder.model).params["policy"])
     except RuntimeError as error:
-        wanted = "a run of scripts.distill with the same --net-width, --stack and fields in --randomize"
-        raise ValueError(f"--start must name {wanted}, got {folder.path}: {error}") from error
+        wanted = "a run of scripts.distill with the same --net-width, --stack, --obs-type and fields in --randomize"
+        kept = read_json(folder.config, {})
+        options = ("net_width", "stack", "obs_type", "randomize")
+        given = ", ".join(f"--{name.replace('_', '-')} {kept[name]}" for name in options if name in kept)
+        raise ValueError(
+            f"--start must name {wanted}, got {folder.path}, a run of scripts.{kept.get('command')} with {given}"
+        ) from error
 
 
 def make_env(args: DistillArgs) -> VecMonitor:

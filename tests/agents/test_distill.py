@@ -297,7 +297,7 @@ class TestRecipe:
         kept = read_model(folder.model).params["policy"]
         assert all(torch.equal(ours[name], kept[name]) for name in kept)
         assert not all(torch.equal(theirs[name], kept[name]) for name in kept), "a resumed run loads its own"
-        with pytest.raises(ValueError, match=r"--start must name .* --net-width"):
+        with pytest.raises(ValueError, match=r"--start must name .* --net-width 16, --stack \d, "):
             build(dataclasses.replace(begun, net_width=8), True)
 
     def test_steps(self) -> None:
