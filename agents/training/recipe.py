@@ -60,7 +60,7 @@ class TrainArgs:
     video_seconds: float = 20.0
     """Record a video of this many seconds of the trained agent. With 0, there is no video."""
     threads: int = 1
-    """Let PyTorch use this many threads. A second one makes PPO faster by about a quarter if it has a processor of its
+    """Let PyTorch use this many threads. A second one makes PPO faster by about a third if it has a processor of its
     own. The sums are then rounded in another way, so another agent is trained."""
     device: str = "cpu"
     """Train the network on this device of PyTorch: "cpu", or for example "cuda". A GPU pays with thousands of tables
