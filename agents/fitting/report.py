@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from agents.fitting.bounces import NORMAL, PLACE, TANGENTIAL
-from agents.fitting.fit import BOUNDED, FITTED, TableFit
+from agents.fitting.fit import BOUNDED, FITTED, Field, TableFit
 from agents.fitting.glides import slide
 from agents.plots import BLUE, INK, ORANGE, RED, RULE, SKY, new_figure, plain, save_figure
 from agents.tables import print_table
@@ -37,8 +37,7 @@ def print_fit(fit: TableFit) -> None:
     rows: list[tuple[str, ...]] = [("field", "value", "95 %", "unit", "")]
     notes: dict[tuple[str, str], list[str]] = {}
     for name, field in fit.fields.items():
-        interval = "" if field.low is None or field.high is None else f"{field.low:.5g} to {field.high:.5g}"
-        rows.append((name, f"{field.value:.5g}", interval, UNITS.get(name, ""), field.source))
+        rows.append((name, *rounded(field), UNITS.get(name, ""), field.source))
         if field.note:
             notes.setdefault((field.source, field.note), []).append(name)
     print_table("Table", rows)
@@ -46,6 +45,16 @@ def print_fit(fit: TableFit) -> None:
         Console().print(f"{', '.join(names)}: {source}; {note}.", highlight=False)
     for line in remarks(fit):
         Console().print(line, highlight=False)
+
+
+def rounded(field: Field) -> tuple[str, str]:
+    """The value and its interval, to the decimals in which the half of the interval has two digits."""
+    if field.low is None or field.high is None:
+        return f"{field.value:.5g}", ""
+    half = 0.5 * (field.high - field.low)
+    decimals = min(max(1 - math.floor(math.log10(half)), 0), 7) if half > 0.0 else 7
+    value, low, high = (f"{number:.{decimals}f}" for number in (field.value, field.low, field.high))
+    return value, f"{low} to {high}"
 
 
 def remarks(fit: TableFit) -> list[str]:

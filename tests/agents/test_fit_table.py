@@ -13,10 +13,10 @@ import pytest
 
 from agents.conditions import read_table
 from agents.fitting.estimates import _within
-from agents.fitting.fit import BOUNDED, DRAG, FITTED, GIVEN, KEPT, TableFit, fit_table
+from agents.fitting.fit import BOUNDED, DRAG, FITTED, GIVEN, KEPT, Field, TableFit, fit_table
 from agents.fitting.flights import drop_glitches, find_flights, measure_noise
 from agents.fitting.glides import place_at, slide
-from agents.fitting.report import remarks
+from agents.fitting.report import remarks, rounded
 from agents.fitting.simulated import simulate_play, simulate_throws
 from agents.fitting.tracks import FEWEST_ROWS, MOST_ROWS, Track, read_track, write_track
 from agents.fitting.turns import turn
@@ -233,6 +233,21 @@ BAD = {
     "too short": (GOOD[:-1], f"from {FEWEST_ROWS}"),
     "too long": (["time,x,y", *(f"{k},0,0" for k in range(MOST_ROWS + 1))], f"{MOST_ROWS} rows"),
 }
+
+
+class TestDigits:
+    @pytest.mark.parametrize(
+        ("field", "shown"),
+        [
+            (Field(0.3, FITTED, 0.2981, 0.3021), ("0.3000", "0.2981 to 0.3021")),
+            (Field(2.40512, FITTED, 2.39, 2.42), ("2.405", "2.390 to 2.420")),
+            (Field(23.7, BOUNDED, 3.0, 45.0), ("24", "3 to 45")),
+            (Field(0.5, FITTED, 0.5, 0.5), ("0.5000000", "0.5000000 to 0.5000000")),
+            (Field(0.3345, KEPT), ("0.3345", "")),
+        ],
+    )
+    def test_a_value_has_the_decimals_of_its_interval(self, field: Field, shown: tuple[str, str]) -> None:
+        assert rounded(field) == shown
 
 
 class TestFiles:
