@@ -132,6 +132,15 @@ def test_nohup_holds_and_off_policy_runs_are_saved() -> None:
 
 @needs_signals
 class TestStop:
+    @pytest.fixture(autouse=True)
+    def _as_in_a_terminal(self) -> Iterator[None]:
+        """A shell lets its background jobs ignore Ctrl-C, and so would the tests."""
+        usual = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+        before = {number: signal.signal(number, handler) for number, handler in usual.items()}
+        yield
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
     def test_signals_are_noted_and_break_into_nothing(self) -> None:
         before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
         with stopping() as stop:
