@@ -18,7 +18,7 @@ from agents.conditions import EXACT, in_words
 from agents.files import read_json
 from agents.measuring.evaluation import SOLO_TASKS, TaskResult, play_task
 from agents.models import load_player, player_of, short_name
-from agents.options import Count, OptionalCount, check_ranges
+from agents.options import Count, OptionalCount, check_ranges, option_name
 from agents.sb3_files import read_model
 from agents.training import ppo
 from agents.training.learning import Falling
@@ -169,9 +169,10 @@ def take_over(model: Student, folder: RunFolder) -> None:
         wanted = "a run of scripts.distill with the same --net-width, --stack, --obs-type and fields in --randomize"
         kept = read_json(folder.config, {})
         options = ("net_width", "stack", "obs_type", "randomize")
-        given = ", ".join(f"--{name.replace('_', '-')} {kept[name]}" for name in options if name in kept)
+        given = ", ".join(f"{option_name(name)} {kept[name]}" for name in options if name in kept)
+        whose = kept.get("command", RECIPE.command)
         raise ValueError(
-            f"--start must name {wanted}, got {folder.path}, a run of scripts.{kept.get('command')} with {given}"
+            f"--start must name {wanted}, got {folder.path}, a run of scripts.{whose} with {given}"
         ) from error
 
 

@@ -19,41 +19,41 @@ def measure(effort: Effort) -> tuple[list[Row], list[str]]:
     import torch
 
     before = torch.get_num_threads()
-    try:
-        return [_row(threads, 1 if effort.quick else UPDATES) for threads in THREADS], []
-    finally:
-        torch.set_num_threads(before)
+    rows = []
+    for threads in THREADS:
+        torch.set_num_threads(threads)
+        name = f"PPO, the defaults of scripts.train_ppo, --threads {threads}"
+        rows.append(_row(name, 1 if effort.quick else UPDATES))
+    torch.set_num_threads(before)
+    return rows, []
 
 
-def _row(threads: int, updates: int) -> Row:
-    import torch
-
+def _row(name: str, updates: int) -> Row:
     from agents.training.ppo import PpoArgs, make_env, make_model
 
-    torch.set_num_threads(threads)
-    args = PpoArgs(threads=threads)
+    args = PpoArgs()
     env = make_env(args)
     model = make_model(args, env)
     rollout = args.num_envs * args.n_steps
     model.learn(rollout)
     inside = {"environment": 0.0, "gradient steps": 0.0}
-    for name, owner, method in (("environment", env, "step"), ("gradient steps", model, "train")):
-        setattr(owner, method, partial(_timed, getattr(owner, method), inside, name))
+    env.step = partial(_timed, env.step, inside, "environment")  # type: ignore[method-assign]
+    model.train = partial(_timed, model.train, inside, "gradient steps")  # type: ignore[method-assign]
     start = time.perf_counter()
     model.learn(updates * rollout, reset_num_timesteps=False)
     passed = time.perf_counter() - start
-    shares = {name: seconds / passed for name, seconds in inside.items()}
+    shares = {part: seconds / passed for part, seconds in inside.items()}
     return {
-        "what": f"PPO, the defaults of scripts.train_ppo, --threads {threads}",
+        "what": name,
         "per_second": updates * rollout / passed,
         "shares": {**shares, "the rest": 1.0 - sum(shares.values())},
     }
 
 
-def _timed(call: Callable[..., Any], inside: dict[str, float], name: str, *arguments: Any) -> Any:
+def _timed(call: Callable[..., Any], inside: dict[str, float], part: str, *arguments: Any) -> Any:
     start = time.perf_counter()
     result = call(*arguments)
-    inside[name] += time.perf_counter() - start
+    inside[part] += time.perf_counter() - start
     return result
 
 
