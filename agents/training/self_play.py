@@ -80,9 +80,8 @@ def resolve(args: SelfPlayArgs) -> SelfPlayArgs:
     )  # fmt: skip
     for kind in args.responses:
         check_choice("--responses", kind, KINDS)
-    for option, given in (("responses", args.responses), ("exchange", args.exchange)):
-        if given and (args.workers or 1) > 1:
-            raise ValueError(f"--workers must be 1 with --{option}, got {args.workers}")
+    if args.responses and (args.workers or 1) > 1:
+        raise ValueError(f"--workers must be 1 with --responses, got {args.workers}")
     args = ppo.resolve(dataclasses.replace(args, steps=args.steps or STEPS))
     if args.exchange is not None:  # last, so that nothing is written if another option is wrong
         make_folder("exchange", args.exchange)

@@ -269,6 +269,10 @@ class TestResponses:
         with pytest.raises(ValueError, match="--responses"):
             train(dataclasses.replace(ARGS, responses=("worst",)))
 
+    def test_one_worker(self) -> None:
+        with pytest.raises(ValueError, match="--workers"):
+            train(dataclasses.replace(ARGS, responses=("own",), workers=2))
+
 
 class TestExchange:
     """Runs that share a folder."""
@@ -310,7 +314,3 @@ class TestExchange:
             assert [name for name, _ in exchange.take()] == ["good"]
         assert len(warned) == 2
         assert exchange.take() == []
-
-    def test_one_worker(self) -> None:
-        with pytest.raises(ValueError, match="--workers"):
-            train(dataclasses.replace(self.ARGS, workers=2))

@@ -27,6 +27,7 @@ from agents.training.runs import RunFolder
 from agents.training.self_play import SelfPlayArgs
 from agents.training.stopping import Stop
 from agents.training.train import train
+from tests.helpers import some_policy
 
 UPDATE = 8 * 8
 ARGS = SelfPlayArgs(
@@ -82,6 +83,7 @@ def learn(args: SelfPlayArgs, signals: Any, look: Look) -> dict[str, Any]:
         "members": setup.league.members,
         "asked": stop.asked,
         "first": look.first,
+        "left": sorted(path.name for path in Path("shared").iterdir()),
         "files": sorted(path.name for path in folder.path.rglob("*") if path.is_file()),
     }
 
@@ -126,7 +128,7 @@ def child(rank: int, folder: Path) -> None:
         "gather": workers.gather(("worker", rank)),
         "whole": learn(dataclasses.replace(args, name="whole"), lambda steps: [], Look()),
         "stopped": learn(
-            dataclasses.replace(args, name="stopped", warmup_steps=0),
+            dataclasses.replace(args, name="stopped", warmup_steps=0, exchange=Path("shared")),
             lambda steps: asked if steps >= 3 * UPDATE else [],
             Look(),
         ),
@@ -139,7 +141,8 @@ def both(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     """What the two workers have at the end."""
     folder = tmp_path_factory.mktemp("workers")
     for rank in range(2):
-        (folder / str(rank)).mkdir()
+        (folder / str(rank) / "shared").mkdir(parents=True)
+    some_policy().save(folder / "0" / "shared" / "somebody.npz")  # the folder of worker 0 counts
     multiprocessing.spawn(child, (folder,), nprocs=2)
     return [pickle.loads((folder / str(rank) / "found").read_bytes()) for rank in range(2)]
 
@@ -202,6 +205,14 @@ def test_all_stop_at_the_same_step(both: list[dict[str, Any]]) -> None:
     assert first["asked"] == second["asked"] == [signal.SIGINT]
     assert first["steps"] == second["steps"] == 3 * UPDATE + 8, "the step after the rollout in which it arrived"
     assert first["hash"] == second["hash"]
+
+
+def test_all_take_in_what_worker_0_finds(both: list[dict[str, Any]]) -> None:
+    first, second = (found["stopped"] for found in both)
+    names = ["latest self", "striker", "idle", "self at 0", "other somebody"]
+    assert [[member.name for member in found["members"]] for found in (first, second)] == [names, names]
+    assert first["left"] == ["somebody.npz", "stopped@0.npz"]
+    assert second["left"] == []
 
 
 def test_without_a_group_there_is_one_worker() -> None:
