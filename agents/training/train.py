@@ -87,12 +87,12 @@ def own_args(args: Args) -> tuple[RunFolder, Args]:
     kept = read_arguments(folder.config, type(args), beside=("command",))
     session = {name: getattr(args, name) for name in NOT_KEPT if hasattr(args, name)}
     try:
-        return folder, _resolved(dataclasses.replace(kept, **session))
+        return folder, resolved(dataclasses.replace(kept, **session))
     except ValueError as error:
         raise ValueError(f"{folder.config}: {error}") from error
 
 
-def _resolved(args: Args) -> Args:
+def resolved(args: Args) -> Args:
     """Check the options, and replace None by the defaults that depend on other options.
 
     Raises:
@@ -111,7 +111,7 @@ def _resolved(args: Args) -> Args:
 
 def _begin(args: TrainArgs, stack: contextlib.ExitStack, cluster: contextlib.ExitStack) -> Run:
     """Make a new run. Its folder stays locked until the stack is closed, and Ray can be used until `cluster` is."""
-    recipe, args = RECIPES[type(args)], _resolved(args)
+    recipe, args = RECIPES[type(args)], resolved(args)
     torch.set_num_threads(args.threads)
     setup = recipe.build(args, True)
     if parallel.wanted(args):
@@ -131,7 +131,7 @@ def _resume(args: TrainArgs, stack: contextlib.ExitStack, cluster: contextlib.Ex
     check_resumed(dataclasses.replace(kept, **{name: getattr(args, name) for name in not_default(args)}), kept)
     stack.enter_context(folder.locked())
     recipe, asked = RECIPES[type(args)], args.steps
-    args = _resolved(dataclasses.replace(kept, steps=asked or kept.steps))
+    args = resolved(dataclasses.replace(kept, steps=asked or kept.steps))
     torch.set_num_threads(args.threads)
     setup = recipe.build(args, False)
     history = checkpoints.load(folder, setup)

@@ -82,7 +82,7 @@ def resolve(args: ZooArgs) -> ZooArgs:
     """
     check_choice("--algo", args.algo, ALGORITHMS)
     check_choice("--obs-type", args.obs_type, OBS_TYPES)
-    file = args.hyperparams or HYPERPARAMS / f"{args.algo}{'' if args.obs_type == 'state' else '_pixels'}.yml"
+    file = args.hyperparams or default_file(args)
     if args.obs_type != "state" and args.hyperparams is None and not file.is_file():
         raise ValueError(f"--algo must be ppo for pictures, unless --hyperparams names a file; got {args.algo!r}")
     if args.resume is None:
@@ -90,6 +90,11 @@ def resolve(args: ZooArgs) -> ZooArgs:
     args = with_conditions(args)
     n_timesteps = parsed(args).n_timesteps
     return dataclasses.replace(args, steps=args.steps or n_timesteps)
+
+
+def default_file(args: ZooArgs) -> Path:
+    """The file of hyperparameters that is read without --hyperparams."""
+    return HYPERPARAMS / f"{args.algo}{'' if args.obs_type == 'state' else '_pixels'}.yml"
 
 
 def parsed(args: ZooArgs) -> Hyperparameters:

@@ -15,6 +15,8 @@ benchmark --json no/x.json
 benchmark --page none.md
 curves none
 curves
+model_card
+model_card none
 clone
 clone none-v0 --epochs 0
 clone none-v0 --seed -1
@@ -195,7 +197,7 @@ train_self_play --opponent
 """
 NAMELESS = {
     **dict.fromkeys(("evaluate", "exploit", "export", "ladder", "record_video", "robustness", "scorecard"), "MODEL"),
-    "curves": "RUN",
+    **dict.fromkeys(("curves", "model_card"), "RUN"),
     "fit_table": "TRACK.csv",
 }
 """What the arguments without an option are called in the help."""

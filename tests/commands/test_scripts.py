@@ -242,6 +242,24 @@ def test_curves_of_two_runs(trained: Path, tmp_path: Path, call: Call) -> None:
     assert (tmp_path / "curves.png").read_bytes().startswith(PNG)
 
 
+def test_the_model_card_of_a_run(trained: Path, tmp_path: Path, call: Call) -> None:
+    copied = copy_of(trained, tmp_path)
+    few = {
+        "ladder": ("striker", "--only", "--points", "4"),
+        "scorecard": ("--points", "2", "--episodes", "2"),
+        "exploit": ("--steps", "64", "--seeds", "1", "--kinds", "own", "--points", "2"),
+    }
+    for name, arguments in few.items():
+        call(name, str(copied), *arguments, "--json", f"{name}.json")
+    files = [word for name in few for word in (f"--{name}", f"{name}.json")]
+    assert "README.md" in call("model_card", copied.name, *files)
+    card = (copied / "README.md").read_text()
+    for part in ("scripts.train_ppo --name", "| `striker` |", "## Rating", "## Tasks", "## Exploitability"):
+        assert part in card
+    call("model_card", copied.name, "--out", "other.md")
+    assert "## Rating" not in (tmp_path / "other.md").read_text()
+
+
 class TestEvaluate:
     def test_a_run(self, trained: Path, tmp_path: Path, call: Call) -> None:
         printed = call("evaluate", str(trained), "--episodes", "4", "--json", "result.json")

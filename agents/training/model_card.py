@@ -1,0 +1,244 @@
+"""The model card of a run: what it is, how it was made and what it can do, from the files of training and measuring."""
+
+from __future__ import annotations
+
+import dataclasses
+import shlex
+import zipfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+
+from agents.conditions import in_words
+from agents.files import COUNT, NUMBER, SHARE, TEXT, mismatch, read_json
+from agents.measuring.shares import Share
+from agents.models import short_name
+from agents.options import option_name
+from agents.training.checkpoints import TIMES
+from agents.training.recipe import TASK_EVALUATION, TrainArgs
+from agents.training.runs import RunFolder
+from agents.training.train import NOT_KEPT, RECIPES, own_args, resolved
+from agents.training.zoo import ZooArgs, default_file
+from airhockey_env.opponents.policy import MlpPolicy
+
+Args = TypeVar("Args", bound=TrainArgs)
+
+COUNTS = {"wins": COUNT, "losses": COUNT, "draws": COUNT}
+"""The result of some points, as a pattern of `read_json`."""
+
+POINTS = {"opponent": TEXT, "points": COUNT, **COUNTS}
+"""A row of a run's report, where it has played points."""
+
+TASK = {"task": TEXT, "episodes": COUNT, "success_rate": SHARE, "success_rate_95": (SHARE, SHARE)}
+"""The result of a task in a score card, as a pattern of `read_json`."""
+
+LADDER = {"ratings": [{"player": TEXT, "rating": NUMBER, "low": NUMBER, "high": NUMBER}]}
+SCORECARD = {"player": TEXT, "tasks": [TASK], "hit_shots": {"all": {"on_target": {"count": COUNT, "of": COUNT}}}}
+EXPLOIT = {"model": TEXT, "steps": COUNT, "responses": [{"kind": TEXT, "seed": COUNT, **COUNTS}], "worst": COUNTS}
+"""What is read of the JSON files of `ladder`, `scorecard` and `exploit`, as patterns of `read_json`."""
+
+DECIDING = ("algo", "env", "obs_type", "stack", "hyperparams", "section")
+"""Options, of some commands, that decide about the defaults of others. So does the number of steps."""
+
+MOST_VERSIONS = 2**14
+"""Greatest size of the list of versions in a model.zip, bytes."""
+
+
+def model_card(
+    folder: RunFolder, *, ladder: Path | None = None, scorecard: Path | None = None, exploit: Path | None = None
+) -> str:
+    """Write the model card of a run in Markdown, with the metadata that the Hugging Face Hub reads.
+
+    Args:
+        folder: a run of any of the training commands.
+        ladder, scorecard, exploit: JSON files of these commands, about this run.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: a file is damaged, or is about another player. The message names the file.
+    """
+    name, args = folder.path.name, _args(folder)
+    history = read_json(folder.evaluations, {"evaluations": [TIMES], "report": [{}]})
+    lines = [
+        f"# {name}",
+        "",
+        f"An agent that plays air hockey, trained with `{RECIPES[type(args)].command}` of airhockey-env.",
+        "",
+        *_table([("", ""), *_facts(folder, args, history)]),
+        *_results(history["report"], folder.evaluations),
+        *(_rating(ladder, name) if ladder is not None else ()),
+        *(_tasks(scorecard, name) if scorecard is not None else ()),
+        *(_exploitability(exploit, name) if exploit is not None else ()),
+        *(USE.splitlines() if folder.policy.exists() else ()),
+    ]
+    return _metadata() + "\n".join(lines) + "\n"
+
+
+def command_line(args: TrainArgs) -> str:
+    """The command that begins a run with these options, without those that have their default values."""
+    fields = [field.name for field in dataclasses.fields(args)]
+    plain = type(args)()
+    defaults = resolved(_like(args, plain))
+    if args.steps != defaults.steps:
+        defaults = dataclasses.replace(resolved(_like(args, plain, steps=args.steps)), steps=None)
+    hidden = {*NOT_KEPT, "conditions", "section"}  # options of a session, and contents of files
+    if isinstance(args, ZooArgs) and (args.hyperparams or Path()).parts[-3:] == default_file(args).parts[-3:]:
+        hidden.add("hyperparams")
+    words = ["python", "-m", f"scripts.{RECIPES[type(args)].command}"]
+    for name in fields:
+        value = getattr(args, name)
+        if name in hidden or value == getattr(plain if name in DECIDING else defaults, name):
+            continue
+        if isinstance(value, bool):
+            words.append(option_name(name if value else f"no_{name}"))
+        else:
+            values = value if isinstance(value, tuple) else (value,)
+            words += [option_name(name), *(shlex.quote(str(one)) for one in values)]
+    return " ".join(words)
+
+
+def _like(args: Args, plain: Args, **others: Any) -> Args:
+    """Options as in `plain`, but with those that decide about defaults. Resolving them reads no file."""
+    given = {name: getattr(args, name) for name in DECIDING if hasattr(args, name)}
+    return dataclasses.replace(plain, resume="", **given, **others)
+
+
+def _args(folder: RunFolder) -> TrainArgs:
+    commands = {recipe.command: args for args, recipe in RECIPES.items()}
+    command = read_json(folder.config, {"command": TEXT})["command"]
+    if command not in commands:
+        raise ValueError(f"{folder.config}: command must be one of {tuple(commands)}, got {command!r}")
+    return own_args(commands[command](resume=str(folder.path)))[1]
+
+
+def _facts(folder: RunFolder, args: TrainArgs, history: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    yield "command", f"`{command_line(args)}`"
+    if history["evaluations"]:
+        last = history["evaluations"][-1]
+        practice = history.get("practice")
+        practised = f", of which {practice:,} were shooting practice" if practice else ""
+        yield "environment steps", f"{last['steps']:,}{practised}"
+        yield "training time", f"{last['seconds'] / 60:.1f} minutes, evaluations left out"
+    yield "conditions", in_words(args)
+    if folder.policy.exists():
+        policy = MlpPolicy.load(folder.policy)
+        sizes = " to ".join(str(size) for size in (policy.weights[0].shape[1], *map(len, policy.biases)))
+        yield (
+            "network",
+            f"fully connected, {sizes} ({policy.activation}), {folder.policy.stat().st_size / 1024:.0f} KiB",
+        )
+    if versions := _versions(folder.model):
+        yield "versions", versions
+
+
+def _versions(model: Path) -> str:
+    """The versions that Stable-Baselines3 has noted in a model.zip, or "" if it has not."""
+    try:
+        with zipfile.ZipFile(model) as archive, archive.open("system_info.txt") as file:
+            lines = file.read(MOST_VERSIONS).decode("utf-8", "replace").splitlines()
+    except (KeyError, OSError, zipfile.BadZipFile, RuntimeError):
+        return ""
+    wanted = ("Python", "Stable-Baselines3", "PyTorch", "Numpy", "Gymnasium")
+    found = dict(line.removeprefix("- ").split(": ", 1) for line in lines if ": " in line)
+    return ", ".join(f"{name} {found[name].split()[0]}" for name in wanted if found.get(name, "").strip())
+
+
+def _results(report: Sequence[dict[str, Any]], path: Path) -> Iterator[str]:
+    if not report:
+        return
+    yield from ("", "## Results", "")
+    if all(mismatch(row, POINTS) is None for row in report):
+        yield from (
+            f"{report[0]['points']:,} points at the end of training, half of them on each side of the table:",
+            "",
+        )
+        rows = [(f"`{row['opponent']}`", *_counts(row)) for row in report]
+        yield from _table([("opponent", "wins", "losses", "draws", "of the decided points (95 %)"), *rows])
+    elif all(mismatch(row, TASK_EVALUATION) is None for row in report):
+        rows = [(f"{row['episodes']:,}", _rate(row)) for row in report]
+        yield from _table([("episodes at the end of training", "successes (95 %)"), *rows])
+    else:
+        raise ValueError(f"{path}: report must have results of points or of a task")
+
+
+def _rating(path: Path, name: str) -> Iterator[str]:
+    ratings = read_json(path, LADDER)["ratings"]
+    found = [row for row in ratings if short_name(row["player"]) == name]
+    if not found:
+        raise ValueError(f"{path} must have {name} on its ladder, and has {[row['player'] for row in ratings]}")
+    place = ratings.index(found[0]) + 1
+    yield from ("", "## Rating", "")
+    interval = f"{found[0]['rating']:.0f} ({found[0]['low']:.0f} to {found[0]['high']:.0f}, 95 %)"
+    yield f"{interval}, place {place} of {len(ratings)} on a ladder on which 400 points are odds of 10 to 1."
+
+
+def _tasks(path: Path, name: str) -> Iterator[str]:
+    card = read_json(path, SCORECARD)
+    _check_about(path, card["player"], name)
+    yield from ("", "## Tasks", "")
+    yield from _table(
+        [
+            ("task", "episodes", "successes (95 %)"),
+            *((t["task"], f"{t['episodes']:,}", _rate(t)) for t in card["tasks"]),
+        ]
+    )
+    on_target = card["hit_shots"]["all"]["on_target"]
+    yield from ("", f"Of its shots in `hit`, {Share(on_target['count'], on_target['of'])} are on target.")
+
+
+def _exploitability(path: Path, name: str) -> Iterator[str]:
+    found = read_json(path, EXPLOIT)
+    _check_about(path, found["model"], name)
+    yield from ("", "## Exploitability", "")
+    worst = found["worst"]
+    share = Share(worst["wins"], worst["wins"] + worst["losses"])
+    yield f"Agents that trained against this one alone, for {found['steps']:,} steps each. The most successful wins"
+    yield f"{share} of the decided points, measured again on other points."
+    yield ""
+    rows = [(row["kind"], str(row["seed"]), *_counts(row)) for row in found["responses"]]
+    yield from _table([("begun from", "seed", "wins", "losses", "draws", "of the decided points (95 %)"), *rows])
+
+
+def _check_about(path: Path, player: str, name: str) -> None:
+    if short_name(player) != name:
+        raise ValueError(f"{path} must be about {name}, and is about {player}")
+
+
+def _counts(row: dict[str, Any]) -> tuple[str, ...]:
+    wins, losses, draws = row["wins"], row["losses"], row["draws"]
+    return (*(str(number) for number in (wins, losses, draws)), str(Share(wins, wins + losses)))
+
+
+def _rate(row: dict[str, Any]) -> str:
+    low, high = row["success_rate_95"]
+    return f"{row['success_rate']:.1%} ({100 * low:.1f}-{100 * high:.1f})"
+
+
+def _table(rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    """A table in Markdown; the first row is its head."""
+    lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
+    yield from (lines[0], "|" + "---|" * len(rows[0]), *lines[1:])
+
+
+USE = """
+## Use
+
+```python
+import gymnasium as gym
+
+env = gym.make("airhockey_env:AirHockey-v0", opponent="policy.npz")  # play against it
+```
+
+With airhockey-env installed, `python -m scripts.evaluate policy.npz` plays it against the named opponents.
+"""
+
+
+def _metadata() -> str:
+    """The head of a README.md on the Hugging Face Hub."""
+    data: dict[str, Any] = {
+        "library_name": "stable-baselines3",
+        "tags": ["AirHockey-v0", "deep-reinforcement-learning", "reinforcement-learning", "stable-baselines3"],
+    }
+    return f"---\n{yaml.safe_dump(data, sort_keys=False)}---\n\n"
