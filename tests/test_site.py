@@ -76,8 +76,10 @@ def test_it_builds_without_a_warning(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     for page in PAGES:
         assert (tmp_path / "site" / f"{page.stem}.html").exists()
-    training = (tmp_path / "site" / "training.html").read_text(encoding="utf-8")
-    assert re.search(r'<a [^>]*href="_images/learning\.png">', training), "a phone shows it too small to read"
+    baseline, training = (
+        (tmp_path / "site" / f"{page}.html").read_text(encoding="utf-8") for page in ("baseline", "training")
+    )
+    assert re.search(r'<a [^>]*href="_images/learning\.png">', baseline), "a phone shows it too small to read"
     assert '<span class="pre unbroken">--resume</span>' in training
     front = (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
     assert 'href="play/index.html"' in front and (tmp_path / "site" / "play" / "index.html").exists()

@@ -280,7 +280,7 @@ def phases(args: PpoArgs, model: PPO, league: League | None, history: History) -
     if practise and model.num_timesteps < args.steps < ENOUGH_STEPS:
         print(
             f"{args.steps:,} steps are few. Agents take about 5 million to win nine of ten decided points against the "
-            "striker (docs/training.md)."
+            "striker (docs/baseline.md)."
         )
     if practise and history["practice"] is None and args.warmup_steps > 0:
         practice = Practice(args.warmup_steps, args.warmup_success)
