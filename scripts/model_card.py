@@ -20,7 +20,7 @@ class ModelCardArgs:
     """Write the model card of a training run, a README.md as the Hugging Face Hub shows it.
 
     The card says how the run was made and what it can do. Everything in it comes from the run's own files and from the
-    files of results that are given.
+    files of results that are given, which belong to it if they are about a player with its name.
     """
 
     run: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
@@ -32,7 +32,7 @@ class ModelCardArgs:
     exploit: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """Add the exploitability from this JSON file of scripts.exploit."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """Write to this .md file. The default is README.md in the folder of the run."""
+    """Write to this .md file, which is replaced if it exists. The default is README.md in the folder of the run."""
 
 
 def write_card(args: ModelCardArgs) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import shlex
 import zipfile
@@ -12,13 +13,16 @@ from typing import Any, TypeVar
 import yaml
 
 from agents.conditions import in_words
-from agents.files import COUNT, NUMBER, SHARE, TEXT, mismatch, read_json
+from agents.files import COUNT, NUMBER, SHARE, TEXT, mismatch, or_none, read_json
 from agents.measuring.shares import Share
 from agents.models import short_name
 from agents.options import option_name
 from agents.training.checkpoints import TIMES
+from agents.training.distill import DistillArgs
+from agents.training.hyperparameters import read_section
 from agents.training.recipe import TASK_EVALUATION, TrainArgs
 from agents.training.runs import RunFolder
+from agents.training.start import STRONGEST
 from agents.training.train import NOT_KEPT, RECIPES, own_args, resolved
 from agents.training.zoo import ZooArgs, default_file
 from airhockey_env.opponents.policy import MlpPolicy
@@ -33,6 +37,14 @@ POINTS = {"opponent": TEXT, "points": COUNT, **COUNTS}
 
 TASK = {"task": TEXT, "episodes": COUNT, "success_rate": SHARE, "success_rate_95": (SHARE, SHARE)}
 """The result of a task in a score card, as a pattern of `read_json`."""
+
+ENVIRONMENTS = {"point": "AirHockey-v0", "hit": "AirHockeyHit-v0", "defend": "AirHockeyDefend-v0"}
+"""The environments of the tasks that agents are trained in."""
+
+BEGINNINGS = {"scratch": "an untrained network", "own": "its own network", STRONGEST: f"`{STRONGEST}`"}
+"""What the kinds of best responses are begun with."""
+
+DECIDED = "of the decided points (95 %)"
 
 LADDER = {"ratings": [{"player": TEXT, "rating": NUMBER, "low": NUMBER, "high": NUMBER}]}
 SCORECARD = {"player": TEXT, "tasks": [TASK], "hit_shots": {"all": {"on_target": {"count": COUNT, "of": COUNT}}}}
@@ -53,27 +65,35 @@ def model_card(
 
     Args:
         folder: a run of any of the training commands.
-        ladder, scorecard, exploit: JSON files of these commands, about this run.
+        ladder, scorecard, exploit: JSON files of these commands, about a player with the name of this run.
 
     Raises:
         FileNotFoundError: there is no such file.
         ValueError: a file is damaged, or is about another player. The message names the file.
     """
-    name, args = folder.path.name, _args(folder)
-    history = read_json(folder.evaluations, {"evaluations": [TIMES], "report": [{}]})
+    name, args = folder.path.resolve().name, _args(folder)
+    env = environment(args)
+    history = read_json(folder.evaluations, {"practice": or_none(COUNT), "evaluations": [TIMES], "report": [{}]})
     lines = [
         f"# {name}",
         "",
         f"An agent that plays air hockey, trained with `{RECIPES[type(args)].command}` of airhockey-env.",
         "",
-        *_table([("", ""), *_facts(folder, args, history)]),
-        *_results(history["report"], folder.evaluations),
+        *_table([("run", f"`{name}`"), ("environment", f"`{env}`"), *_facts(folder, args, history)]),
+        *_results(history["report"], folder.evaluations, env),
         *(_rating(ladder, name) if ladder is not None else ()),
         *(_tasks(scorecard, name) if scorecard is not None else ()),
         *(_exploitability(exploit, name) if exploit is not None else ()),
-        *(USE.splitlines() if folder.policy.exists() else ()),
+        *(_use(env) if folder.policy.exists() else ()),
     ]
-    return _metadata() + "\n".join(lines) + "\n"
+    return _metadata(env) + "\n".join(lines) + "\n"
+
+
+def environment(args: TrainArgs) -> str:
+    """The id of the environment that a run was trained in; for practice before the game, that of the game."""
+    if isinstance(args, ZooArgs):
+        return args.env.rpartition(":")[2]
+    return ENVIRONMENTS[args.task if isinstance(args, DistillArgs) else "point"]
 
 
 def command_line(args: TrainArgs) -> str:
@@ -84,7 +104,7 @@ def command_line(args: TrainArgs) -> str:
     if args.steps != defaults.steps:
         defaults = dataclasses.replace(resolved(_like(args, plain, steps=args.steps)), steps=None)
     hidden = {*NOT_KEPT, "conditions", "section"}  # options of a session, and contents of files
-    if isinstance(args, ZooArgs) and (args.hyperparams or Path()).parts[-3:] == default_file(args).parts[-3:]:
+    if isinstance(args, ZooArgs) and args.section == _default_section(args):
         hidden.add("hyperparams")
     words = ["python", "-m", f"scripts.{RECIPES[type(args)].command}"]
     for name in fields:
@@ -105,6 +125,12 @@ def _like(args: Args, plain: Args, **others: Any) -> Args:
     return dataclasses.replace(plain, resume="", **given, **others)
 
 
+def _default_section(args: ZooArgs) -> dict[str, Any] | None:
+    with contextlib.suppress(OSError, ValueError):
+        return read_section(default_file(args), args.env)
+    return None
+
+
 def _args(folder: RunFolder) -> TrainArgs:
     commands = {recipe.command: args for args, recipe in RECIPES.items()}
     command = read_json(folder.config, {"command": TEXT})["command"]
@@ -116,10 +142,11 @@ def _args(folder: RunFolder) -> TrainArgs:
 def _facts(folder: RunFolder, args: TrainArgs, history: dict[str, Any]) -> Iterator[tuple[str, str]]:
     yield "command", f"`{command_line(args)}`"
     if history["evaluations"]:
-        last = history["evaluations"][-1]
-        practice = history.get("practice")
-        practised = f", of which {practice:,} were shooting practice" if practice else ""
-        yield "environment steps", f"{last['steps']:,}{practised}"
+        last, practice = history["evaluations"][-1], history["practice"]
+        assert args.steps is not None
+        stopped = f" of {args.steps:,}" if last["steps"] < args.steps else ""
+        practised = f", {practice:,} of them for shooting practice" if practice else ""
+        yield "environment steps", f"{last['steps']:,}{stopped}{practised}"
         yield "training time", f"{last['seconds'] / 60:.1f} minutes, evaluations left out"
     yield "conditions", in_words(args)
     if folder.policy.exists():
@@ -145,26 +172,23 @@ def _versions(model: Path) -> str:
     return ", ".join(f"{name} {found[name].split()[0]}" for name in wanted if found.get(name, "").strip())
 
 
-def _results(report: Sequence[dict[str, Any]], path: Path) -> Iterator[str]:
+def _results(report: Sequence[dict[str, Any]], path: Path, env: str) -> Iterator[str]:
     if not report:
         return
     yield from ("", "## Results", "")
     if all(mismatch(row, POINTS) is None for row in report):
-        yield from (
-            f"{report[0]['points']:,} points at the end of training, half of them on each side of the table:",
-            "",
-        )
-        rows = [(f"`{row['opponent']}`", *_counts(row)) for row in report]
-        yield from _table([("opponent", "wins", "losses", "draws", "of the decided points (95 %)"), *rows])
+        yield from ("Points at the end of training, half of them on each side of the table:", "")
+        rows = [(f"`{row['opponent']}`", str(row["points"]), *_counts(row)) for row in report]
+        yield from _table([("opponent", "points", "wins", "losses", "draws", DECIDED), *rows])
     elif all(mismatch(row, TASK_EVALUATION) is None for row in report):
         rows = [(f"{row['episodes']:,}", _rate(row)) for row in report]
-        yield from _table([("episodes at the end of training", "successes (95 %)"), *rows])
+        yield from _table([(f"episodes of `{env}` at the end of training", "successes (95 %)"), *rows])
     else:
         raise ValueError(f"{path}: report must have results of points or of a task")
 
 
 def _rating(path: Path, name: str) -> Iterator[str]:
-    ratings = read_json(path, LADDER)["ratings"]
+    ratings = _read("ladder", path, LADDER)["ratings"]
     found = [row for row in ratings if short_name(row["player"]) == name]
     if not found:
         raise ValueError(f"{path} must have {name} on its ladder, and has {[row['player'] for row in ratings]}")
@@ -175,7 +199,7 @@ def _rating(path: Path, name: str) -> Iterator[str]:
 
 
 def _tasks(path: Path, name: str) -> Iterator[str]:
-    card = read_json(path, SCORECARD)
+    card = _read("scorecard", path, SCORECARD)
     _check_about(path, card["player"], name)
     yield from ("", "## Tasks", "")
     yield from _table(
@@ -185,20 +209,31 @@ def _tasks(path: Path, name: str) -> Iterator[str]:
         ]
     )
     on_target = card["hit_shots"]["all"]["on_target"]
-    yield from ("", f"Of its shots in `hit`, {Share(on_target['count'], on_target['of'])} are on target.")
+    of_shots = f"{Share(on_target['count'], on_target['of'])} of its shots in `hit` are on target."
+    yield from ("", of_shots if on_target["of"] else "In `hit`, it did not shoot.")
 
 
 def _exploitability(path: Path, name: str) -> Iterator[str]:
-    found = read_json(path, EXPLOIT)
+    found = _read("exploit", path, EXPLOIT)
     _check_about(path, found["model"], name)
     yield from ("", "## Exploitability", "")
-    worst = found["worst"]
-    share = Share(worst["wins"], worst["wins"] + worst["losses"])
-    yield f"Agents that trained against this one alone, for {found['steps']:,} steps each. The most successful wins"
-    yield f"{share} of the decided points, measured again on other points."
+    wins, losses = found["worst"]["wins"], found["worst"]["losses"]
+    share = f"{Share(wins, wins + losses)} of the decided points" if wins + losses else "nothing, as all are drawn"
+    yield f"Agents were trained against this one alone, for {found['steps']:,} steps each. In points other than"
+    yield f"those of the table, the most successful one wins {share}."
     yield ""
-    rows = [(row["kind"], str(row["seed"]), *_counts(row)) for row in found["responses"]]
-    yield from _table([("begun from", "seed", "wins", "losses", "draws", "of the decided points (95 %)"), *rows])
+    rows = [(BEGINNINGS.get(row["kind"], row["kind"]), str(row["seed"]), *_counts(row)) for row in found["responses"]]
+    yield from _table([("begun with", "seed", "wins", "losses", "draws", DECIDED), *rows])
+
+
+def _read(command: str, path: Path, pattern: Any) -> Any:
+    """Read the results of a command, which has an option of that name here."""
+    try:
+        return read_json(path, pattern)
+    except OSError as error:
+        raise FileNotFoundError(f"--{command} must be a JSON file of scripts.{command}, got {path}: {error}") from error
+    except ValueError as error:
+        raise ValueError(f"--{command} must be a JSON file of scripts.{command}: {error}") from error
 
 
 def _check_about(path: Path, player: str, name: str) -> None:
@@ -222,23 +257,18 @@ def _table(rows: Sequence[Sequence[str]]) -> Iterator[str]:
     yield from (lines[0], "|" + "---|" * len(rows[0]), *lines[1:])
 
 
-USE = """
-## Use
-
-```python
-import gymnasium as gym
-
-env = gym.make("airhockey_env:AirHockey-v0", opponent="policy.npz")  # play against it
-```
-
-With airhockey-env installed, `python -m scripts.evaluate policy.npz` plays it against the named opponents.
-"""
+def _use(env: str) -> Iterator[str]:
+    yield from ("", "## Use", "")
+    if env == ENVIRONMENTS["point"]:
+        yield from ("```python", "import gymnasium as gym", "")
+        yield f'env = gym.make("airhockey_env:{env}", opponent="policy.npz")  # play against it'
+        yield from ("```", "")
+    task = next((f" --task {task}" for task, id in ENVIRONMENTS.items() if id == env and task != "point"), "")
+    yield f"With airhockey-env installed, `python -m scripts.evaluate policy.npz{task}` measures it."
 
 
-def _metadata() -> str:
+def _metadata(env: str) -> str:
     """The head of a README.md on the Hugging Face Hub."""
-    data: dict[str, Any] = {
-        "library_name": "stable-baselines3",
-        "tags": ["AirHockey-v0", "deep-reinforcement-learning", "reinforcement-learning", "stable-baselines3"],
-    }
+    tags = [env, "deep-reinforcement-learning", "reinforcement-learning", "stable-baselines3"]
+    data = {"library_name": "stable-baselines3", "tags": tags}
     return f"---\n{yaml.safe_dump(data, sort_keys=False)}---\n\n"

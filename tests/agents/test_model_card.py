@@ -98,7 +98,7 @@ def test_a_card_has_what_the_run_has(run: RunFolder) -> None:
     history = json.loads(run.evaluations.read_text())
     assert f"{history['evaluations'][-1]['steps']:,}" in text
     for row in history["report"]:
-        assert f"| `{row['opponent']}` | {row['wins']} | {row['losses']} | {row['draws']} |" in text
+        assert f"| `{row['opponent']}` | 10 | {row['wins']} | {row['losses']} | {row['draws']} |" in text
     assert "13 to 8 to 8 to 2" in text
     assert "--seed 3" in text
     assert "Stable-Baselines3 2" in text
@@ -107,7 +107,7 @@ def test_a_card_has_what_the_run_has(run: RunFolder) -> None:
 def test_results_of_other_commands(run: RunFolder, results: Callable[..., Path]) -> None:
     card = model_card(run, **{name: results(data, f"{name}.json") for name, data in FILES.items()})
     for part in ("712 (690 to 732", "place 2 of 2", "| hit | 400 | 75.0% (70.5-79.0) |", "37.5%", "5,000,000 steps",
-                 "62.5%", "| own | 4 | 60 | 20 | 120 | 75.0%"):  # fmt: skip
+                 "62.5%", "| its own network | 4 | 60 | 20 | 120 | 75.0%"):  # fmt: skip
         assert part in card, part
 
 
@@ -119,8 +119,32 @@ def test_files_that_do_not_fit(run: RunFolder, results: Callable[..., Path], nam
         path.write_text("{}")
     elif fault == "missing":
         path.unlink()
-    with pytest.raises((ValueError, FileNotFoundError), match=r"results\.json"):
+    with pytest.raises(FileNotFoundError if fault == "missing" else ValueError, match=r"results\.json") as error:
         model_card(run, **{name: path})
+    assert ("somebody" if fault == "other player" else f"--{name} must") in str(error.value)
+
+
+def test_nothing_to_share(run: RunFolder, results: Callable[..., Path]) -> None:
+    scorecard = {**FILES["scorecard"], "hit_shots": {"all": {"on_target": {"count": 0, "of": 0}}}}
+    exploit = {**FILES["exploit"], "worst": {"wins": 0, "losses": 0, "draws": 200}}
+    card = model_card(run, scorecard=results(scorecard), exploit=results(exploit, "exploit.json"))
+    assert "did not shoot" in card
+    assert "wins nothing" in card
+
+
+def test_a_run_in_the_current_folder_and_one_that_was_stopped(run: RunFolder, tmp_path: Path) -> None:
+    copy = tmp_path / "tiny"
+    copy.mkdir()
+    for file in (run.model, run.policy):
+        (copy / file.name).write_bytes(file.read_bytes())
+    config, history = (json.loads(file.read_text()) for file in (run.config, run.evaluations))
+    (copy / run.config.name).write_text(json.dumps({**config, "steps": 5_000_000}))
+    (copy / run.evaluations.name).write_text(json.dumps({**history, "practice": 512}))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(copy)
+        card = model_card(RunFolder(Path()))
+    assert "# tiny" in card
+    assert f"{history['evaluations'][-1]['steps']:,} of 5,000,000, 512 of them for shooting practice" in card
 
 
 def test_a_damaged_report(run: RunFolder, tmp_path: Path) -> None:
@@ -135,14 +159,24 @@ def test_a_damaged_report(run: RunFolder, tmp_path: Path) -> None:
 
 def test_a_run_of_a_task(run: RunFolder, tmp_path: Path) -> None:
     args = dataclasses.replace(resolved(ZooArgs(name="hits")), hyperparams=Path("my own.yml"))  # which is gone
-    config = dataclasses.asdict(args)
-    kept = {name: value for name, value in config.items() if name not in ("resume", "trust", "device")}
+    assert args.section is not None
+    own = {**args.section, "n_timesteps": 1234}
     copy = RunFolder(tmp_path)
-    copy.config.write_text(json.dumps({"command": "train", **kept}, default=str))
-    copy.model.write_bytes(run.model.read_bytes())
+    for file in (run.model, run.policy):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
     copy.evaluations.write_text(
-        json.dumps({"evaluations": [{"steps": 10, "seconds": 1.0}], "report": [{**TASK, "mean_seconds": 1.0}]})
+        json.dumps({"practice": None, "evaluations": [], "report": [{**TASK, "mean_seconds": 1.0}]})
     )
-    card = model_card(copy)
-    assert "| 400 | 75.0% (70.5-79.0) |" in card
-    assert "`python -m scripts.train --name hits --hyperparams 'my own.yml'`" in card
+    for section, command in (
+        (args.section, "--name hits"),
+        (own, f"--name hits --steps {args.steps} --hyperparams 'my own.yml'"),
+    ):
+        config = dataclasses.asdict(dataclasses.replace(args, section=section))
+        kept = {name: value for name, value in config.items() if name not in ("resume", "trust", "device")}
+        copy.config.write_text(json.dumps({"command": "train", **kept}, default=str))
+        card = model_card(copy)
+        assert f"`python -m scripts.train {command}`" in card
+        assert "| episodes of `AirHockeyHit-v0` at the end of training |" in card
+        assert "| 400 | 75.0% (70.5-79.0) |" in card
+        assert "--task hit" in card and "opponent=" not in card
+        assert yaml.safe_load(card.split("---\n")[1])["tags"][0] == "AirHockeyHit-v0"
