@@ -21,6 +21,7 @@ from agents.training.checkpoints import TIMES
 from agents.training.distill import DistillArgs
 from agents.training.hyperparameters import read_section
 from agents.training.recipe import TASK_EVALUATION, TrainArgs
+from agents.training.report import success_rate
 from agents.training.runs import RunFolder
 from agents.training.start import STRONGEST
 from agents.training.train import NOT_KEPT, RECIPES, own_args, resolved
@@ -181,7 +182,7 @@ def _results(report: Sequence[dict[str, Any]], path: Path, env: str) -> Iterator
         rows = [(f"`{row['opponent']}`", str(row["points"]), *_counts(row)) for row in report]
         yield from _table([("opponent", "points", "wins", "losses", "draws", DECIDED), *rows])
     elif all(mismatch(row, TASK_EVALUATION) is None for row in report):
-        rows = [(f"{row['episodes']:,}", _rate(row)) for row in report]
+        rows = [(f"{row['episodes']:,}", success_rate(row)) for row in report]
         yield from _table([(f"episodes of `{env}` at the end of training", "successes (95 %)"), *rows])
     else:
         raise ValueError(f"{path}: report must have results of points or of a task")
@@ -205,7 +206,7 @@ def _tasks(path: Path, name: str) -> Iterator[str]:
     yield from _table(
         [
             ("task", "episodes", "successes (95 %)"),
-            *((t["task"], f"{t['episodes']:,}", _rate(t)) for t in card["tasks"]),
+            *((t["task"], f"{t['episodes']:,}", success_rate(t)) for t in card["tasks"]),
         ]
     )
     on_target = card["hit_shots"]["all"]["on_target"]
@@ -244,11 +245,6 @@ def _check_about(path: Path, player: str, name: str) -> None:
 def _counts(row: dict[str, Any]) -> tuple[str, ...]:
     wins, losses, draws = row["wins"], row["losses"], row["draws"]
     return (*(str(number) for number in (wins, losses, draws)), str(Share(wins, wins + losses)))
-
-
-def _rate(row: dict[str, Any]) -> str:
-    low, high = row["success_rate_95"]
-    return f"{row['success_rate']:.1%} ({100 * low:.1f}-{100 * high:.1f})"
 
 
 def _table(rows: Sequence[Sequence[str]]) -> Iterator[str]:

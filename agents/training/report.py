@@ -54,10 +54,14 @@ def print_successes(title: str, agents: Mapping[str, Mapping[str, Any]]) -> None
     """
     rows = [("", "episodes", "success rate (95 %)", "s/episode")]
     for name, row in agents.items():
-        low, high = row["success_rate_95"]
-        rate = f"{row['success_rate']:.1%} ({100 * low:.1f}-{100 * high:.1f})"
-        rows.append((name, str(row["episodes"]), rate, f"{row['mean_seconds']:.2f}"))
+        rows.append((name, str(row["episodes"]), success_rate(row), f"{row['mean_seconds']:.2f}"))
     print_table(title, rows)
+
+
+def success_rate(row: Mapping[str, Any]) -> str:
+    """The success rate of an evaluation and its 95 % interval, in %."""
+    low, high = row["success_rate_95"]
+    return f"{row['success_rate']:.1%} ({100 * low:.1f}-{100 * high:.1f})"
 
 
 def draw_training(history: dict[str, Any], title: str, path: Path) -> None:
