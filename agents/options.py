@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import shlex
 from collections.abc import Iterable
 from decimal import Decimal
 from pathlib import Path
@@ -26,6 +27,18 @@ MOST = 10**18
 def option_name(field: str) -> str:
     """The option that sets a field of an arguments record."""
     return f"--{field.replace('_', '-')}"
+
+
+def command_with(command: str, args: Any, fields: Iterable[str]) -> str:
+    """The command line of a script with the options that set these fields to what they are in an arguments record."""
+    words = ["python", "-m", f"scripts.{command}"]
+    for field in fields:
+        value = getattr(args, field)
+        if isinstance(value, bool):
+            words.append(option_name(field if value else f"no_{field}"))
+        else:
+            words += [option_name(field), *map(str, value if isinstance(value, tuple) else (value,))]
+    return shlex.join(words)
 
 
 def listed(names: Iterable[str], last: str = "or") -> str:

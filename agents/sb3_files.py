@@ -39,6 +39,12 @@ compress, and weights are hardly compressible."""
 COUNTERS = ("num_timesteps", "_total_timesteps", "_num_timesteps_at_start", "_episode_num", "_n_updates")
 """The counters of a model, which are plain whole numbers in its JSON."""
 
+LIBRARIES = ("Python", "Stable-Baselines3", "PyTorch", "Numpy", "Gymnasium")
+"""What `read_versions` looks for, as Stable-Baselines3 writes it."""
+
+MOST_VERSIONS = 2**14
+"""Greatest size of the list of versions that is read, bytes."""
+
 ACTIVATIONS: dict[str, type[nn.Module]] = {
     f"<class 'torch.nn.modules.activation.{kind.__name__}'>": kind
     for kind in (nn.Tanh, nn.ReLU, nn.ELU, nn.GELU, nn.LeakyReLU, nn.SiLU)
@@ -99,6 +105,17 @@ def read_model(path: Path) -> SavedModel:
     except Exception as error:  # a damaged zip, JSON or PyTorch file may raise anything
         raise ValueError(f"{path} does not hold a model of Stable-Baselines3: {error}") from error
     return SavedModel(path, data, params, variables)
+
+
+def read_versions(path: Path) -> dict[str, str]:
+    """The versions of Python and of the libraries that Stable-Baselines3 has noted in a model.zip, where it has."""
+    try:
+        with zipfile.ZipFile(path) as archive, archive.open("system_info.txt") as file:
+            lines = file.read(MOST_VERSIONS).decode("utf-8", "replace").splitlines()
+    except (KeyError, OSError, zipfile.BadZipFile, RuntimeError):
+        return {}
+    found = dict(line.removeprefix("- ").split(": ", 1) for line in lines if ": " in line)
+    return {library: found[library].split()[0] for library in LIBRARIES if found.get(library, "").strip()}
 
 
 def _without_pickle(value: Any) -> Any:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import shlex
-import zipfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -13,13 +11,15 @@ from typing import Any, TypeVar
 import yaml
 
 from agents.conditions import in_words
-from agents.files import COUNT, NUMBER, SHARE, TEXT, mismatch, or_none, read_json
+from agents.files import COUNT, NUMBER, TEXT, mismatch, or_none, read_json
 from agents.measuring.shares import Share
 from agents.models import short_name
-from agents.options import option_name
+from agents.options import command_with
+from agents.sb3_files import read_versions
 from agents.training.checkpoints import TIMES
 from agents.training.distill import DistillArgs
 from agents.training.hyperparameters import read_section
+from agents.training.ppo import EVALUATION
 from agents.training.recipe import TASK_EVALUATION, TrainArgs
 from agents.training.report import success_rate
 from agents.training.runs import RunFolder
@@ -33,10 +33,7 @@ Args = TypeVar("Args", bound=TrainArgs)
 COUNTS = {"wins": COUNT, "losses": COUNT, "draws": COUNT}
 """The result of some points, as a pattern of `read_json`."""
 
-POINTS = {"opponent": TEXT, "points": COUNT, **COUNTS}
-"""A row of a run's report, where it has played points."""
-
-TASK = {"task": TEXT, "episodes": COUNT, "success_rate": SHARE, "success_rate_95": (SHARE, SHARE)}
+TASK = {"task": TEXT, **TASK_EVALUATION}
 """The result of a task in a score card, as a pattern of `read_json`."""
 
 ENVIRONMENTS = {"point": "AirHockey-v0", "hit": "AirHockeyHit-v0", "defend": "AirHockeyDefend-v0"}
@@ -54,9 +51,6 @@ EXPLOIT = {"model": TEXT, "steps": COUNT, "responses": [{"kind": TEXT, "seed": C
 
 DECIDING = ("algo", "env", "obs_type", "stack", "hyperparams", "section")
 """Options, of some commands, that decide about the defaults of others. So does the number of steps."""
-
-MOST_VERSIONS = 2**14
-"""Greatest size of the list of versions in a model.zip, bytes."""
 
 
 def model_card(
@@ -107,17 +101,12 @@ def command_line(args: TrainArgs) -> str:
     hidden = {*NOT_KEPT, "conditions", "section"}  # options of a session, and contents of files
     if isinstance(args, ZooArgs) and args.section == _default_section(args):
         hidden.add("hyperparams")
-    words = ["python", "-m", f"scripts.{RECIPES[type(args)].command}"]
-    for name in fields:
-        value = getattr(args, name)
-        if name in hidden or value == getattr(plain if name in DECIDING else defaults, name):
-            continue
-        if isinstance(value, bool):
-            words.append(option_name(name if value else f"no_{name}"))
-        else:
-            values = value if isinstance(value, tuple) else (value,)
-            words += [option_name(name), *(shlex.quote(str(one)) for one in values)]
-    return " ".join(words)
+    others = [
+        name
+        for name in fields
+        if name not in hidden and getattr(args, name) != getattr(plain if name in DECIDING else defaults, name)
+    ]
+    return command_with(RECIPES[type(args)].command, args, others)
 
 
 def _like(args: Args, plain: Args, **others: Any) -> Args:
@@ -157,27 +146,15 @@ def _facts(folder: RunFolder, args: TrainArgs, history: dict[str, Any]) -> Itera
             "network",
             f"fully connected, {sizes} ({policy.activation}), {folder.policy.stat().st_size / 1024:.0f} KiB",
         )
-    if versions := _versions(folder.model):
-        yield "versions", versions
-
-
-def _versions(model: Path) -> str:
-    """The versions that Stable-Baselines3 has noted in a model.zip, or "" if it has not."""
-    try:
-        with zipfile.ZipFile(model) as archive, archive.open("system_info.txt") as file:
-            lines = file.read(MOST_VERSIONS).decode("utf-8", "replace").splitlines()
-    except (KeyError, OSError, zipfile.BadZipFile, RuntimeError):
-        return ""
-    wanted = ("Python", "Stable-Baselines3", "PyTorch", "Numpy", "Gymnasium")
-    found = dict(line.removeprefix("- ").split(": ", 1) for line in lines if ": " in line)
-    return ", ".join(f"{name} {found[name].split()[0]}" for name in wanted if found.get(name, "").strip())
+    if versions := read_versions(folder.model):
+        yield "versions", ", ".join(f"{library} {version}" for library, version in versions.items())
 
 
 def _results(report: Sequence[dict[str, Any]], path: Path, env: str) -> Iterator[str]:
     if not report:
         return
     yield from ("", "## Results", "")
-    if all(mismatch(row, POINTS) is None for row in report):
+    if all(mismatch(row, EVALUATION) is None for row in report):
         yield from ("Points at the end of training, half of them on each side of the table:", "")
         rows = [(f"`{row['opponent']}`", str(row["points"]), *_counts(row)) for row in report]
         yield from _table([("opponent", "points", "wins", "losses", "draws", DECIDED), *rows])

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
-import shlex
 import warnings
 from typing import TYPE_CHECKING, Any
 
-from agents.options import option_name
+from agents.options import command_with, not_default
 from agents.plots import save_figure
 from agents.tables import print_table
 from agents.training.recipe import TrainArgs
@@ -62,17 +60,7 @@ def draw_importance(search: Search, study: Study) -> bool:
 def command_line(command: str, args: TrainArgs) -> str:
     """The command that trains with these options. Without a name, so that the run gets a new one."""
     beside = (*TRIAL_DEFAULTS, "name", "resume", "conditions", "section")
-    words: list[str] = []
-    for field in dataclasses.fields(args):
-        value = getattr(args, field.name)
-        if field.name in beside or value == field.default:
-            continue
-        option = option_name(field.name)
-        if isinstance(value, bool):
-            words.append(option if value else option.replace("--", "--no-", 1))
-        else:
-            words += [option, *map(str, value if isinstance(value, tuple) else (value,))]
-    return f"python -m scripts.{command} {shlex.join(words)}"
+    return command_with(command, args, [name for name in not_default(args) if name not in beside])
 
 
 def _short(value: Any) -> str:

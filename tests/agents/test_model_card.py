@@ -19,11 +19,11 @@ from agents.training.ppo import PpoArgs
 from agents.training.recipe import TrainArgs
 from agents.training.runs import RunFolder
 from agents.training.self_play import SelfPlayArgs
-from agents.training.train import resolved, train
+from agents.training.train import NOT_KEPT, resolved, train
 from agents.training.zoo import ZooArgs
 
 RESPONSE = {"kind": "own", "seed": 4, "wins": 60, "losses": 20, "draws": 120}
-TASK = {"task": "hit", "episodes": 400, "success_rate": 0.75, "success_rate_95": [0.705, 0.79]}
+TASK = {"task": "hit", "episodes": 400, "success_rate": 0.75, "success_rate_95": [0.705, 0.79], "mean_seconds": 1.0}
 FILES: dict[str, Any] = {
     "ladder": {
         "ratings": [
@@ -164,15 +164,13 @@ def test_a_run_of_a_task(run: RunFolder, tmp_path: Path) -> None:
     copy = RunFolder(tmp_path)
     for file in (run.model, run.policy):
         (tmp_path / file.name).write_bytes(file.read_bytes())
-    copy.evaluations.write_text(
-        json.dumps({"practice": None, "evaluations": [], "report": [{**TASK, "mean_seconds": 1.0}]})
-    )
+    copy.evaluations.write_text(json.dumps({"practice": None, "evaluations": [], "report": [TASK]}))
     for section, command in (
         (args.section, "--name hits"),
         (own, f"--name hits --steps {args.steps} --hyperparams 'my own.yml'"),
     ):
         config = dataclasses.asdict(dataclasses.replace(args, section=section))
-        kept = {name: value for name, value in config.items() if name not in ("resume", "trust", "device")}
+        kept = {name: value for name, value in config.items() if name not in NOT_KEPT}
         copy.config.write_text(json.dumps({"command": "train", **kept}, default=str))
         card = model_card(copy)
         assert f"`python -m scripts.train {command}`" in card
