@@ -23,6 +23,7 @@ from agents.measuring.evaluation import OPPONENTS, SOLO_TASKS, Result, play_poin
 from agents.models import player_of, short_name
 from agents.options import Address, Count, OptionalCount, Workers, check_cluster, check_ranges
 from agents.training import workers
+from agents.training.home import FEWEST_UNITS, add_home_units, keep_home_units
 from agents.training.joined_tables import JoinedTables
 from agents.training.league import League
 from agents.training.learning import Falling
@@ -117,6 +118,9 @@ class PpoArgs(TrainArgs):
     """Let this standard deviation fall geometrically to this value, instead of learning it. With 0, it is learned."""
     net_width: Count = 128
     """Give the policy and the value network two hidden layers of this many units each."""
+    home: bool = False
+    """Set seven units of the policy network by hand, and keep them: they bring the paddle back in front of its goal
+    whenever the puck is on the far side or on its way there."""
     workers: Workers = None
     address: Address = None
 
@@ -131,7 +135,7 @@ def resolve(args: Args) -> Args:
         args, warmup_steps=(0, most), warmup_success=(0, 1), practice_share=(0, 1), num_envs=(1, most),
         n_steps=(2, most), batch_size=(2, most), n_epochs=(1, most), learning_rate=(0, 1), gamma=(0, 1),
         gae_lambda=(0, 1), max_grad_norm=(0, most), clip_range=(0, 10), ent_coef=(0, 10), sde_sample_freq=(0, most),
-        log_std_init=(-20, 2), noise=(0, 2), noise_end=(0, 2), net_width=(1, most),
+        log_std_init=(-20, 2), noise=(0, 2), noise_end=(0, 2), net_width=(FEWEST_UNITS if args.home else 1, most),
     )  # fmt: skip
     check_workers(args)
     args = with_conditions(args)
@@ -177,6 +181,10 @@ def start_model(args: PpoArgs, new: bool) -> PPO:
     model = make_model(args, make_env(args))
     if new and args.start is not None:
         take_over(model, args.start)
+    if args.home:
+        if new:
+            add_home_units(model, conditions_of(args).table)
+        keep_home_units(model)
     return model
 
 
