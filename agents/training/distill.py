@@ -62,7 +62,6 @@ class DistillArgs(ppo.PpoArgs):
     teacher: str = "expert"
     """Imitate this policy: the name of a trained opponent, a policy.npz or a run's folder. It always sees exact states,
     one at a time."""
-    opponent: tuple[str, ...] = ("striker",)
     start: str | None = None
     """Begin with the network of this run of the command (its folder, or its name under runs/)."""
     imitation_steps: OptionalCount = None

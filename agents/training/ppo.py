@@ -69,7 +69,7 @@ class PpoArgs(TrainArgs):
     """Train an agent with PPO, and write everything into one folder, runs/NAME/."""
 
     start: Annotated[str | None, tyro.conf.arg(help=START_HELP)] = None
-    opponent: tuple[str, ...] = ("striker", "striker", "striker", "goalie")
+    opponent: tuple[str, ...] = ("striker",)
     """Train against these opponents, each on the same number of tables: names, paths of policy.npz files, or paths of
     runs' folders. Give one twice to play it twice as often."""
     eval_opponent: str = "striker"
