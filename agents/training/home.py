@@ -26,9 +26,10 @@ HOME_LENGTH, HOME_WIDTH = 0.3, 0.25
 AWAY_SECONDS = 0.08
 """The puck is away if it will be on the far side after this time, at the velocity that it has."""
 
-PULL = 25.0
+PULL = 400.0
 """The change of a target velocity for each half length or half width that the paddle is outside home, as a share of its
-greatest speed. It is so large that nothing that is learned can keep a paddle out there."""
+greatest speed. Learned velocities are clipped only after it has been added: agents reach 7, and kept a paddle outside
+with a pull of 25."""
 
 RELEASE = 5.0
 """A puck that is nearer than away by some distance frees a paddle that is outside home by up to this many times that
