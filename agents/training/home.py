@@ -24,7 +24,8 @@ HOME_LENGTH, HOME_WIDTH = 0.3, 0.25
 """Home reaches so far from the goal line, in half lengths, and so far off the long axis, in half widths."""
 
 AWAY_SECONDS = 0.08
-"""The puck is away if it will be on the far side after this time, at the velocity that it has."""
+"""The puck is away if it would be on the far side after this time, at the velocity that it has. One that is on the far
+side, but will be back by then, is not."""
 
 PULL = 400.0
 """The change of a target velocity for each half length or half width that the paddle is outside home, as a share of its
@@ -43,7 +44,7 @@ FEWEST_UNITS = 8
 
 
 def add_home_units(model: PPO, spec: TableSpec) -> None:
-    """Set the units of a model's policy network, in place of those that matter least, unless they are there already.
+    """Set the units of a model's policy network, in place of those that matter least or of such units.
 
     Args:
         model: a model with two hidden layers of `FEWEST_UNITS` ReLU units or more after `RelativeFeatures`.
@@ -59,10 +60,9 @@ def add_home_units(model: PPO, spec: TableSpec) -> None:
     rows[:, newest : newest + OBSERVATION_SIZE] = weights[:, :-1]
     rows = rows @ torch.linalg.pinv(features.matrix.cpu())  # the matrix has full rank, so this undoes it
     with torch.no_grad():
-        if torch.allclose(first.weight[-UNITS[0] :].cpu(), rows, atol=1e-4):  # a policy file has rounded them
-            return
-        _least_last(first, second)
-        _least_last(second, out)
+        if not torch.allclose(first.weight[-UNITS[0] :].cpu(), rows, atol=1e-4):  # a policy file has rounded them
+            _least_last(first, second)
+            _least_last(second, out)
         first.weight[-UNITS[0] :], first.bias[-UNITS[0] :] = rows, weights[:, -1]
         second.weight[:, -UNITS[0] :], second.weight[-UNITS[1] :], second.bias[-UNITS[1] :] = 0.0, 0.0, 0.0
         second.weight[-UNITS[1] :, -UNITS[0] : -1] = torch.eye(3)  # forward, left and right of home,
@@ -85,9 +85,10 @@ def keep_home_units(model: PPO) -> None:
 def _weights_of_observation(spec: TableSpec) -> torch.Tensor:
     """What the units in the first layer compute of an observation: (4, 14), the last numbers are biases.
 
-    The paddle counts as where it would stop, so that it does not run past home.
+    The paddle counts as further on in the direction of its velocity, by what it needs to stop at full speed, so that it
+    does not run past home.
     """
-    stop = 0.5 * spec.paddle_speed / spec.paddle_acceleration  # s; at full speed it stops after this time's distance
+    stop = 0.5 * spec.paddle_speed / spec.paddle_acceleration  # s; speed * stop is the distance at full speed
     along, across = 2.0 * stop * spec.paddle_speed / spec.length, 2.0 * stop * spec.paddle_speed / spec.width
     weights = torch.zeros(UNITS[0], OBSERVATION_SIZE + 1)
     forward, left, right, near = weights
@@ -105,7 +106,7 @@ def _layers(model: PPO) -> tuple[nn.Linear, nn.Linear, nn.Linear]:
 
 
 def _least_last(layer: nn.Linear, following: nn.Linear) -> None:
-    """Order the units between two layers by the sizes of their weights, which changes nothing else."""
+    """Order the units between two layers by the sizes of their weights. The network computes the same as before."""
     size = torch.linalg.vector_norm(torch.cat([layer.weight, layer.bias[:, None]], dim=1), dim=1)
     order = torch.argsort(size * torch.linalg.vector_norm(following.weight, dim=0), descending=True)
     layer.weight[:], layer.bias[:], following.weight[:] = (

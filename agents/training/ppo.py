@@ -120,7 +120,7 @@ class PpoArgs(TrainArgs):
     """Give the policy and the value network two hidden layers of this many units each."""
     home: bool = False
     """Set seven units of the policy network by hand, and keep them: they bring the paddle back in front of its goal
-    whenever the puck is on the far side or on its way there."""
+    while the puck is away."""
     workers: Workers = None
     address: Address = None
 
