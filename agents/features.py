@@ -75,6 +75,10 @@ class RelativeFeatures(BaseFeaturesExtractor):
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
         return observations.flatten(1) @ self.matrix.T
 
+    def weights_after(self, weights: torch.Tensor) -> torch.Tensor:
+        """The weights of a layer after this one that stand for weights (n, inputs) of the observation."""
+        return weights @ torch.linalg.pinv(self.matrix.cpu())  # the matrix has full rank, so this undoes it
+
 
 class SmallCnn(BaseFeaturesExtractor):
     """Two convolutions for stacks of 84 x 84 pictures, designed for CPUs: the first sees each 4 x 4 patch once.

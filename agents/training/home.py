@@ -10,13 +10,12 @@ They are ordinary ReLU units, so that such a policy is exported, saved and playe
 
 from __future__ import annotations
 
-from typing import Any
-
 import torch
 from stable_baselines3 import PPO
 from torch import nn
 
 from agents.features import RelativeFeatures
+from agents.training.start import policy_layers
 from airhockey_env.kernel.state import OBSERVATION_SIZE, ROW_SIZE
 from airhockey_env.tables import TableSpec
 
@@ -50,7 +49,7 @@ def add_home_units(model: PPO, spec: TableSpec) -> None:
         model: a model with two hidden layers of `FEWEST_UNITS` ReLU units or more after `RelativeFeatures`.
         spec: the table on which it plays.
     """
-    first, second, out = _layers(model)
+    first, second, out = policy_layers(model)
     weights = _weights_of_observation(spec)
     features = model.policy.features_extractor
     assert isinstance(features, RelativeFeatures)
@@ -58,7 +57,7 @@ def add_home_units(model: PPO, spec: TableSpec) -> None:
     newest = 0 if inputs == OBSERVATION_SIZE else inputs - ROW_SIZE  # the first number of the newest row of a stack
     rows = torch.zeros(UNITS[0], inputs)
     rows[:, newest : newest + OBSERVATION_SIZE] = weights[:, :-1]
-    rows = rows @ torch.linalg.pinv(features.matrix.cpu())  # the matrix has full rank, so this undoes it
+    rows = features.weights_after(rows)
     with torch.no_grad():
         if not torch.allclose(first.weight[-UNITS[0] :].cpu(), rows, atol=1e-4):  # a policy file has rounded them
             _least_last(first, second)
@@ -72,7 +71,7 @@ def add_home_units(model: PPO, spec: TableSpec) -> None:
 
 def keep_home_units(model: PPO) -> None:
     """Let training leave the units as they are, by gradients of zero."""
-    first, second, out = _layers(model)
+    first, second, out = policy_layers(model)
     parameters = first.weight, first.bias, second.weight, second.bias, out.weight
     masks = [torch.ones_like(parameter) for parameter in parameters]
     masks[0][-UNITS[0] :], masks[1][-UNITS[0] :] = 0.0, 0.0
@@ -97,12 +96,6 @@ def _weights_of_observation(spec: TableSpec) -> torch.Tensor:
     right[[1, 3, -1]] = torch.tensor([-1.0, -across, -HOME_WIDTH])
     near[[8, 10]] = torch.tensor([-1.0, -AWAY_SECONDS * 2.0 * spec.puck_speed / spec.length])
     return weights
-
-
-def _layers(model: PPO) -> tuple[nn.Linear, nn.Linear, nn.Linear]:
-    policy: Any = model.policy
-    first, second = (layer for layer in policy.mlp_extractor.policy_net if isinstance(layer, nn.Linear))
-    return first, second, policy.action_net
 
 
 def _least_last(layer: nn.Linear, following: nn.Linear) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import torch
 from gymnasium import spaces
@@ -67,6 +68,12 @@ def can_start(policy: MlpPolicy) -> bool:
     return policy.stack == 1 and policy.activation == "relu" and not policy.squash and layers
 
 
+def policy_layers(model: PPO) -> list[nn.Linear]:
+    """The layers of the policy network, the one that gives the actions last."""
+    policy: Any = model.policy
+    return [m for m in (*policy.mlp_extractor.policy_net, policy.action_net) if isinstance(m, nn.Linear)]
+
+
 def _copy_network(folder: RunFolder, model: PPO) -> None:
     network = {**read_model(folder.model).params["policy"], "log_std": model.policy.log_std}
     model.policy.load_state_dict(network)
@@ -76,8 +83,7 @@ def _copy_policy(policy: MlpPolicy, model: PPO) -> None:
     """Copy the weights of a policy, in which the features are part of the first layer."""
     features = model.policy.features_extractor
     assert isinstance(features, RelativeFeatures)
-    modules = [*model.policy.mlp_extractor.policy_net, model.policy.action_net]
-    layers = [module for module in modules if isinstance(module, nn.Linear)]
+    layers = policy_layers(model)
     if policy.activation != "relu" or policy.squash or len(policy.weights) != len(layers):
         raise ValueError(
             f"--start must be a policy with {len(layers) - 1} hidden layers of ReLU units and clipped outputs"
@@ -90,6 +96,6 @@ def _copy_policy(policy: MlpPolicy, model: PPO) -> None:
     if width != layers[0].out_features:
         raise ValueError(f"--net-width must be {width}, as in --start, got {layers[0].out_features}")
     weights = [torch.as_tensor(weight) for weight in policy.weights]
-    weights[0] = weights[0] @ torch.linalg.pinv(features.matrix.cpu())  # the matrix has full rank, so this undoes it
+    weights[0] = features.weights_after(weights[0])
     for layer, weight, bias in zip(layers, weights, policy.biases, strict=True):
         layer.load_state_dict({"weight": weight, "bias": torch.as_tensor(bias)})

@@ -54,9 +54,9 @@ def pull(observations: NDArray[np.float32]) -> NDArray[np.float64]:
 def test_what_they_add(stack: int) -> None:
     model = model_with_idle_units(dataclasses.replace(SMALL, stack=stack))
     observations = some_observations(200)
-    seen = observations if stack == 1 else np.zeros((200, stack, 15), np.float32)
+    seen = observations
     if stack > 1:
-        seen[:, :-1] = np.random.default_rng(0).uniform(-1.0, 1.0, (200, stack - 1, 15))
+        seen = np.random.default_rng(0).uniform(-1.0, 1.0, (200, stack, 15)).astype(np.float32)
         seen[:, -1, :13] = observations
     before = outputs(export_policy(model), seen)
     add_home_units(model, FULL_SIZE)
