@@ -1,11 +1,14 @@
-"""Feature extractors: the position of the puck relative to the paddle for states, and convolutions for pictures.
+"""Feature extractors: the puck relative to the paddle and what can be foreseen for states, convolutions for pictures.
 
 Where a shot goes depends on millimetres between paddle and puck, which are small differences of large numbers in the
 observation. A fixed linear layer in front of the network computes them at a useful scale. It costs nothing when the
-exported policy plays, because it is folded into the weights of the first layer.
+exported policy plays, because it is folded into the weights of the first layer. What a network of sums and ReLUs hardly
+computes at all are quotients, such as the time until the puck is there: `airhockey_env.opponents.foresight` adds them.
 """
 
 from __future__ import annotations
+
+import dataclasses
 
 import numpy as np
 import torch
@@ -15,6 +18,7 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 
 from airhockey_env.checks import MOST_STACK
 from airhockey_env.kernel.state import OBSERVATION_SIZE, ROW_SIZE, observation_shape
+from airhockey_env.opponents.foresight import FORESEEN_SIZE, table_of, with_foresight
 from airhockey_env.tables import FULL_SIZE, TableSpec
 
 _DISTANCE_SCALE = 6.0
@@ -66,18 +70,56 @@ class RelativeFeatures(BaseFeaturesExtractor):
     """The fixed linear layer, for Stable-Baselines3's `features_extractor_class`."""
 
     matrix: torch.Tensor
+    foresight: TableSpec | None = None
+    """The table on which the network foresees the puck, None for none: see `MlpPolicy`."""
 
     def __init__(self, observation_space: spaces.Box, spec: TableSpec = FULL_SIZE) -> None:
-        matrix = relative_features(spec, stack_of_shape(observation_space.shape))
+        matrix = self._matrix(spec, stack_of_shape(observation_space.shape))
         super().__init__(observation_space, matrix.shape[0])
         self.register_buffer("matrix", torch.as_tensor(matrix))
+
+    def _matrix(self, spec: TableSpec, stack: int) -> NDArray[np.float32]:
+        return relative_features(spec, stack)
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
         return observations.flatten(1) @ self.matrix.T
 
     def weights_after(self, weights: torch.Tensor) -> torch.Tensor:
-        """The weights of a layer after this one that stand for weights (n, inputs) of the observation."""
+        """The weights of a layer after this one that stand for weights (n, inputs) of a policy's first layer.
+
+        Weights of observations alone are taken as weights that ignore what is foreseen.
+        """
+        missing = self.matrix.shape[1] - weights.shape[1]
+        weights = torch.nn.functional.pad(weights, (0, missing))
         return weights @ torch.linalg.pinv(self.matrix.cpu())  # the matrix has full rank, so this undoes it
+
+
+class ForesightFeatures(RelativeFeatures):
+    """The fixed linear layer, and beside it what can be foreseen from a single observation: (N, 47)."""
+
+    table: torch.Tensor
+    """The fields of the table; like `matrix`, it is saved with the network."""
+
+    def __init__(self, observation_space: spaces.Box, spec: TableSpec = FULL_SIZE) -> None:
+        if stack_of_shape(observation_space.shape) != 1:
+            raise ValueError(f"observations must be of one row for foresight, got {observation_space.shape}")
+        super().__init__(observation_space, spec)
+        self.register_buffer("table", torch.tensor(dataclasses.astuple(spec), dtype=torch.float64))
+
+    def _matrix(self, spec: TableSpec, stack: int) -> NDArray[np.float32]:
+        relative = relative_features(spec, stack)
+        matrix = np.zeros((len(relative) + FORESEEN_SIZE, relative.shape[1] + FORESEEN_SIZE), np.float32)
+        matrix[: len(relative), : relative.shape[1]] = relative
+        matrix[len(relative) :, relative.shape[1] :] = np.eye(FORESEEN_SIZE)
+        return matrix
+
+    @property
+    def foresight(self) -> TableSpec:  # type: ignore[override]
+        return TableSpec(*self.table.tolist())
+
+    def forward(self, observations: torch.Tensor) -> torch.Tensor:
+        seen = with_foresight(observations.cpu().numpy(), table_of(self.foresight))
+        return torch.from_numpy(seen).to(observations.device) @ self.matrix.T
 
 
 class SmallCnn(BaseFeaturesExtractor):

@@ -22,6 +22,7 @@ from airhockey_env.kernel.state import OBSERVATION_SIZE
 from airhockey_env.opponents.players import NAMES
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.opponents.trained import TRAINED, trained_policy
+from airhockey_env.tables import TableSpec
 
 Policy = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 """Maps state observations (N, 13), each from the player's own side, to actions (N, 2)."""
@@ -161,7 +162,8 @@ def export_policy(model: Any) -> MlpPolicy:
     activation = "relu" if any(isinstance(layer, nn.ReLU) for layer in layers) else "tanh"
     clip = layers[-1].max_val if isinstance(layers[-1], nn.Hardtanh) else None
     stack = stack_of_shape(seen_space(model).shape)
-    return _folded(weights, biases, activation, matrix, clip, squash=actor is not None, stack=stack)
+    foresight = features.foresight if isinstance(features, RelativeFeatures) else None
+    return _folded(weights, biases, activation, matrix, clip, actor is not None, stack, foresight)
 
 
 def player_of(model: Any) -> MlpPolicy | ModelPlayer:
@@ -190,6 +192,7 @@ def _folded(
     clip: float | None,
     squash: bool,
     stack: int,
+    foresight: TableSpec | None,
 ) -> MlpPolicy:
     """Fold a linear feature layer and the clipping of the outputs, if any, into an `MlpPolicy`."""
     if matrix is not None:
@@ -202,7 +205,7 @@ def _folded(
         one = np.eye(len(biases[-1]), dtype=np.float32)
         weights[-1:] = [np.concatenate([weights[-1]] * 2), np.concatenate([one, -one], axis=1)]
         biases[-1:] = [np.concatenate([biases[-1] - low, biases[-1] - high]), np.full(len(one), low)]
-    return MlpPolicy(weights, biases, activation, squash, stack)
+    return MlpPolicy(weights, biases, activation, squash, stack, foresight)
 
 
 def seen_space(model: Any) -> Any:
@@ -290,8 +293,10 @@ def load_model(path: Path, *, trust: bool = False) -> MlpPolicy | ModelPlayer:
         activation = {"Tanh": "tanh", "ReLU": "relu"}.get(actor.activation.__name__)
         if activation == "relu" or (activation == "tanh" and actor.clip is None):
             weights, biases = ([part.numpy() for part in parts] for parts in zip(*actor.layers, strict=True))
-            matrix = actor.features.matrix.numpy() if isinstance(actor.features, RelativeFeatures) else None
-            return _folded(weights, biases, activation, matrix, actor.clip, actor.squash, sight.stack)
+            relative = actor.features if isinstance(actor.features, RelativeFeatures) else None
+            matrix = None if relative is None else relative.matrix.numpy()
+            foresight = None if relative is None else relative.foresight
+            return _folded(weights, biases, activation, matrix, actor.clip, actor.squash, sight.stack, foresight)
     return ModelPlayer(lambda seen: _action(actor(seen)), sight)
 
 

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
+from agents.onnx_graph import IR_VERSION, OPSET, Column, Graph
 from airhockey_env.actions import DIRECTIONS
 from airhockey_env.cameras import ROBOTS
 from airhockey_env.game import Game
 from airhockey_env.kernel.observations import COLUMNS, SCALES
-from airhockey_env.kernel.state import observation_shape
+from airhockey_env.kernel.state import OBSERVATION_SIZE, observation_shape
+from airhockey_env.opponents.foresight import FORESEEN_SIZE, foresee, table_of
 from airhockey_env.opponents.policy import MlpPolicy
-
-OPSET, IR_VERSION = 13, 7
-"""Versions of the operators and of the format: of 2020, so that old runtimes read the files too."""
 
 INPUT, OUTPUT = "observations", "actions"
 """The names of the input, (N, 13) or (N, stack, 15), and of the output, (N, 2); both are float32."""
@@ -43,42 +42,37 @@ def to_onnx(policy: MlpPolicy) -> bytes:
     Its metadata are `stack`, and `columns` and `scales`, separated by commas: the names of the columns of an
     observation, or of a row of a stack, and what each of them is divided by. Speeds are fields of a `TableSpec`.
     """
-    from onnx import TensorProto, checker, helper, numpy_helper
+    from onnx import TensorProto, checker, helper
 
-    nodes: list[Any] = []
-    constants: list[Any] = []
-
-    def constant(name: str, value: Any) -> str:
-        constants.append(numpy_helper.from_array(np.asarray(value), name))
-        return name
-
-    def add(kind: str, *inputs: str, output: str = "", **attributes: Any) -> str:
-        output = output or f"{kind.lower()}_{len(nodes)}"
-        nodes.append(helper.make_node(kind, list(inputs), [output], **attributes))
-        return output
-
-    values = INPUT if policy.stack == 1 else add("Flatten", INPUT, axis=1)
+    graph = Graph()
+    values = INPUT if policy.stack == 1 else graph.add("Flatten", INPUT, axis=1)
+    if policy.foresight is not None:
+        foreseen: dict[int, Column] = {}
+        foresee(graph.columns(INPUT, OBSERVATION_SIZE), table_of(policy.foresight), foreseen)
+        joined = graph.add("Concat", *(foreseen[k].name for k in range(FORESEEN_SIZE)), axis=1)
+        values = graph.add("Concat", INPUT, graph.add("Cast", joined, to=TensorProto.FLOAT), axis=1)
     last = len(policy.weights) - 1
     for k, (weight, bias) in enumerate(zip(policy.weights, policy.biases, strict=True)):
-        values = add("Gemm", values, constant(f"weight_{k}", weight), constant(f"bias_{k}", bias), transB=1)
+        parts = graph.constant(f"weight_{k}", weight), graph.constant(f"bias_{k}", bias)
+        values = graph.add("Gemm", values, *parts, transB=1)
         if k < last:
-            values = add("Tanh" if policy.activation == "tanh" else "Relu", values)
+            values = graph.add("Tanh" if policy.activation == "tanh" else "Relu", values)
     if policy.squash:
-        values = add("Tanh", values)
+        values = graph.add("Tanh", values)
     if policy.discrete:
-        best = add("ArgMax", values, axis=1, keepdims=0)
-        add("Gather", constant("directions", DIRECTIONS), best, axis=0, output=OUTPUT)
+        best = graph.add("ArgMax", values, axis=1, keepdims=0)
+        graph.add("Gather", graph.constant("directions", DIRECTIONS), best, axis=0, outputs=(OUTPUT,))
     else:
-        limits = constant("least", np.float32(-1.0)), constant("greatest", np.float32(1.0))
-        add("Clip", values, *limits, output=OUTPUT)
-    graph = helper.make_graph(
-        nodes,
+        limits = graph.constant("least", np.float32(-1.0)), graph.constant("greatest", np.float32(1.0))
+        graph.add("Clip", values, *limits, outputs=(OUTPUT,))
+    made = helper.make_graph(
+        graph.nodes,
         "policy",
         [helper.make_tensor_value_info(INPUT, TensorProto.FLOAT, ["N", *observation_shape(policy.stack)])],
         [helper.make_tensor_value_info(OUTPUT, TensorProto.FLOAT, ["N", 2])],
-        constants,
+        graph.constants,
     )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", OPSET)], ir_version=IR_VERSION)
+    model = helper.make_model(made, opset_imports=[helper.make_opsetid("", OPSET)], ir_version=IR_VERSION)
     sent = ("sent_action_x", "sent_action_y") if policy.stack > 1 else ()
     scales = (*SCALES, *("paddle_speed" for _ in sent))
     helper.set_model_props(
@@ -129,7 +123,7 @@ def compare(contents: bytes, policy: MlpPolicy, observations: NDArray[np.float32
 
 def _in_double_precision(policy: MlpPolicy, observations: NDArray[np.float32]) -> NDArray[np.float64]:
     """The outputs of the network, before they are clipped."""
-    values = observations.reshape(len(observations), -1).astype(np.float64)
+    values = policy.inputs(observations).astype(np.float64)
     last = len(policy.weights) - 1
     for k, (weight, bias) in enumerate(zip(policy.weights, policy.biases, strict=True)):
         values = values @ weight.T.astype(np.float64) + bias

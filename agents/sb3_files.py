@@ -27,7 +27,7 @@ from stable_baselines3.common.save_util import recursive_getattr
 from stable_baselines3.common.torch_layers import FlattenExtractor, NatureCNN
 from torch import nn
 
-from agents.features import RelativeFeatures, SmallCnn, stack_of_shape
+from agents.features import ForesightFeatures, RelativeFeatures, SmallCnn, stack_of_shape
 from agents.sight import StateFromPictures
 from airhockey_env.files import check_archive, parse_json
 from airhockey_env.tables import FULL_SIZE
@@ -380,6 +380,9 @@ def _features(
         module, width = nn.Flatten(), math.prod(shape)
     elif "matrix" in weights and named == str(RelativeFeatures) and stack_of_shape(shape):
         module = RelativeFeatures(spaces.Box(-1.0, 1.0, shape))
+        width = module.features_dim
+    elif "table" in weights and named == str(ForesightFeatures) and stack_of_shape(shape) == 1:
+        module = ForesightFeatures(spaces.Box(-1.0, 1.0, shape))
         width = module.features_dim
     elif pictures and ("patches.weight" in weights and named == str(SmallCnn)):
         width = len(weights["layers.4.bias"])

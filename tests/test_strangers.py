@@ -19,7 +19,7 @@ from stable_baselines3 import DDPG, DQN, PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecFrameStack
 
-from agents.features import RelativeFeatures, SmallCnn
+from agents.features import ForesightFeatures, RelativeFeatures, SmallCnn
 from agents.models import ModelPlayer, load_player
 from agents.sb3_files import NeedsTrust, actor_of, load_weights, read_model
 from agents.training.hyperparameters import read_kwargs
@@ -38,6 +38,9 @@ RELATIVE = {**RELU, "features_extractor_class": RelativeFeatures}
 MODELS: dict[str, Callable[[], BaseAlgorithm]] = {
     "ppo": lambda: PPO("MlpPolicy", tables(), **ON, policy_kwargs={"net_arch": [8, 8]}),
     "ppo, its own features": lambda: PPO("MlpPolicy", tables(), **ON, use_sde=True, policy_kwargs={**RELATIVE}),
+    "ppo, foresight": lambda: PPO(
+        "MlpPolicy", tables(), **ON, policy_kwargs={**RELU, "features_extractor_class": ForesightFeatures}
+    ),
     "ppo, one layer": lambda: PPO("MlpPolicy", tables(), **ON, policy_kwargs={"net_arch": []}),
     "ppo, directions": lambda: PPO("MlpPolicy", tables(continuous=False), **ON),
     "ppo, elu": lambda: PPO(

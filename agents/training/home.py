@@ -14,7 +14,7 @@ import torch
 from stable_baselines3 import PPO
 from torch import nn
 
-from agents.features import RelativeFeatures
+from agents.features import RelativeFeatures, stack_of_shape
 from agents.training.start import policy_layers
 from airhockey_env.kernel.state import OBSERVATION_SIZE, ROW_SIZE
 from airhockey_env.tables import TableSpec
@@ -54,7 +54,8 @@ def add_home_units(model: PPO, spec: TableSpec) -> None:
     features = model.policy.features_extractor
     assert isinstance(features, RelativeFeatures)
     inputs = features.matrix.shape[1]
-    newest = 0 if inputs == OBSERVATION_SIZE else inputs - ROW_SIZE  # the first number of the newest row of a stack
+    stack = stack_of_shape(model.observation_space.shape or ())
+    newest = 0 if stack == 1 else inputs - ROW_SIZE  # the first number of the newest row
     rows = torch.zeros(UNITS[0], inputs)
     rows[:, newest : newest + OBSERVATION_SIZE] = weights[:, :-1]
     rows = features.weights_after(rows)

@@ -26,7 +26,7 @@ _OBJECTS: dict[str, Any] = {
     **{f"{torch_nn}.{name}": getattr(torch.nn, name) for torch_nn in ("nn", "th.nn") for name in ACTIVATIONS},
     **{
         f"importlib.import_module('agents.features').{name}": getattr(features, name)
-        for name in ("RelativeFeatures", "SmallCnn")
+        for name in ("ForesightFeatures", "RelativeFeatures", "SmallCnn")
     },
 }
 """The objects that `policy_kwargs` may name, by how they are written."""

@@ -17,7 +17,7 @@ from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.cluster import check_ray
 from agents.conditions import Conditions, in_words
-from agents.features import RelativeFeatures
+from agents.features import ForesightFeatures, RelativeFeatures
 from agents.files import COUNT, POSITIVE, SHARE, TEXT, or_none
 from agents.measuring.evaluation import OPPONENTS, SOLO_TASKS, Result, play_points
 from agents.models import player_of, short_name
@@ -118,6 +118,9 @@ class PpoArgs(TrainArgs):
     """Let this standard deviation fall geometrically to this value, instead of learning it. With 0, it is learned."""
     net_width: Count = 128
     """Give the policy and the value network two hidden layers of this many units each."""
+    foresight: bool = False
+    """Let the networks also see what can be foreseen: where the puck goes if nobody touches it, and what comes of the
+    next kiss of each paddle."""
     home: bool = False
     """Set seven units of the policy network by hand, and keep them: they bring the paddle back in front of its goal
     while the puck is away."""
@@ -138,6 +141,8 @@ def resolve(args: Args) -> Args:
         log_std_init=(-20, 2), noise=(0, 2), noise_end=(0, 2), net_width=(FEWEST_UNITS if args.home else 1, most),
     )  # fmt: skip
     check_workers(args)
+    if args.foresight and args.stack > 1:
+        raise ValueError(f"--stack must be 1 with --foresight, got {args.stack}")
     args = with_conditions(args)
     steps = args.steps or STEPS
     practice = min(steps // 2, MOST_PRACTICE) if args.warmup_steps is None else args.warmup_steps
@@ -270,7 +275,7 @@ def model_arguments(args: PpoArgs) -> dict[str, Any]:
             "optimizer_kwargs": {"eps": 1e-5, "fused": True},  # Stable-Baselines3's eps; fused: quicker
             "net_arch": [args.net_width, args.net_width],
             "activation_fn": torch.nn.ReLU,  # quicker than tanh
-            "features_extractor_class": RelativeFeatures,
+            "features_extractor_class": ForesightFeatures if args.foresight else RelativeFeatures,
             "features_extractor_kwargs": {"spec": conditions_of(args).table},
         },
         "stats_window_size": max(1, WINDOW // workers.number()),

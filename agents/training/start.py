@@ -10,9 +10,10 @@ from gymnasium import spaces
 from stable_baselines3 import PPO
 from torch import nn
 
-from agents.features import RelativeFeatures, stack_of_shape
+from agents.features import ForesightFeatures, RelativeFeatures, stack_of_shape
 from agents.sb3_files import read_model
 from agents.training.runs import RunFolder
+from airhockey_env.opponents.foresight import FORESEEN_SIZE
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.opponents.trained import TRAINED, trained_policy
 
@@ -47,7 +48,9 @@ def take_over(model: PPO, start: str) -> None:
     """
     try:
         if start in TRAINED or Path(start).suffix == ".npz":
-            _copy_policy(_read_policy(start), model)
+            policy = _read_policy(start)
+            _check_foresight(policy.foresight is not None, model, start)
+            _copy_policy(policy, model)
         else:
             _copy_network(RunFolder.open(start, "--start"), model)
     except RuntimeError as error:
@@ -76,7 +79,19 @@ def policy_layers(model: PPO) -> list[nn.Linear]:
 
 def _copy_network(folder: RunFolder, model: PPO) -> None:
     network = {**read_model(folder.model).params["policy"], "log_std": model.policy.log_std}
+    foresees = "features_extractor.table" in network
+    _check_foresight(foresees, model, str(folder.path))
+    if not foresees and isinstance(model.policy.features_extractor, ForesightFeatures):
+        for name in ("mlp_extractor.policy_net.0.weight", "mlp_extractor.value_net.0.weight"):
+            network[name] = nn.functional.pad(network[name], (0, FORESEEN_SIZE))  # it ignores what it did not have
+        network |= {name: own for name, own in model.policy.state_dict().items() if "features_extractor" in name}
     model.policy.load_state_dict(network)
+
+
+def _check_foresight(foresees: bool, model: PPO, start: str) -> None:
+    """Raise ValueError if a network with foresight would begin a model that has none."""
+    if foresees and not isinstance(model.policy.features_extractor, ForesightFeatures):
+        raise ValueError(f"--foresight must be on for --start {start}, which has foresight")
 
 
 def _copy_policy(policy: MlpPolicy, model: PPO) -> None:

@@ -7,6 +7,7 @@ and batch.
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import math
 from collections.abc import Sequence
@@ -21,6 +22,8 @@ from airhockey_env.checks import check_choice, check_stack
 from airhockey_env.compiled import compiled, inlined
 from airhockey_env.files import read_arrays, replace
 from airhockey_env.kernel.state import observation_shape
+from airhockey_env.opponents.foresight import FORESEEN_SIZE, table_of, with_foresight
+from airhockey_env.tables import FIELDS, TableSpec
 
 ACTIVATIONS = ("tanh", "relu")
 
@@ -176,18 +179,21 @@ class MlpPolicy:
 
     Args:
         weights: one (out, in) array a layer; the first takes the 13 numbers of an observation, or the 15 of each row of
-            a stack, from the oldest row on; the last gives two target velocities (a continuous policy) or nine scores
-            (a discrete one, which takes the highest).
+            a stack, from the oldest row on, and with foresight 30 more; the last gives two target velocities (a
+            continuous policy) or nine scores (a discrete one, which takes the highest).
         biases: one (out,) array a layer.
         activation: `"tanh"` or `"relu"`, between the layers.
         squash: whether the outputs go through tanh, as those of SAC and TD3 do; else they are clipped to [-1, 1].
         stack: how many observations it is shown at once, 1 to 64: as the argument `stack` of the environments.
+        foresight: a table, if the network also sees what can be foreseen there, such as where the puck crosses its goal
+            line: see `airhockey_env.opponents.foresight`. None for a network that sees observations alone.
 
     Attributes:
         discrete: whether it takes one of nine directions.
 
     Raises:
-        ValueError: the layers do not fit together, or hold what is no finite number; or `stack` is out of range.
+        ValueError: the layers do not fit together, or hold what is no finite number; `stack` is out of range; or there
+            is a stack together with foresight.
     """
 
     def __init__(
@@ -197,8 +203,13 @@ class MlpPolicy:
         activation: str = "tanh",
         squash: bool = False,
         stack: int = 1,
+        foresight: TableSpec | None = None,
     ) -> None:
         self.stack: int = check_stack("stack", stack)
+        if foresight is not None and self.stack > 1:
+            raise ValueError(f"stack must be 1 with foresight, got {self.stack}")
+        self.foresight: TableSpec | None = foresight
+        self._table = None if foresight is None else table_of(foresight)
         self._shape = observation_shape(self.stack)
         self.activation: str = check_choice("activation", activation, ACTIVATIONS)
         self.weights: list[NDArray[np.float32]]
@@ -208,7 +219,7 @@ class MlpPolicy:
             raise ValueError(
                 f"weights and biases must be of the same number, got {len(self.weights)} and {len(self.biases)}"
             )
-        size = inputs = math.prod(self._shape)
+        size = inputs = math.prod(self._shape) + (0 if foresight is None else FORESEEN_SIZE)
         for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             if weight.ndim != 2 or weight.shape[1] != size or bias.shape != weight.shape[:1]:
                 raise ValueError(
@@ -243,16 +254,24 @@ class MlpPolicy:
         """
         n = len(observations)
         scores = np.empty((n, self._sizes[-1]), np.float32)
-        rows = observations.reshape(n, self._sizes[0])
+        rows = self.inputs(observations)
         _forward(rows, self._parameters, self._sizes, self.activation == "tanh", self.squash, scores)
         if self.discrete:
             out[:] = DIRECTIONS[scores.argmax(axis=1)]
         else:
             np.clip(scores, -1.0, 1.0, out=out)
 
+    def inputs(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        """What the first layer takes, (N, inputs), for observations (N, 13), or (N, stack, 15)."""
+        if self._table is not None:
+            return with_foresight(observations, self._table)
+        return observations.reshape(len(observations), self._sizes[0])
+
     def save(self, path: str | Path) -> None:
         """Write the weights to an .npz file; a file that is there already is replaced at once or not at all."""
         arrays: dict[str, Any] = {name: np.array(getattr(self, name)) for name in ("activation", "squash", "stack")}
+        if self.foresight is not None:
+            arrays["foresight"] = np.array(dataclasses.astuple(self.foresight))
         for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             arrays[f"weight_{k}"], arrays[f"bias_{k}"] = weight, bias
         buffer = io.BytesIO()
@@ -274,6 +293,10 @@ class MlpPolicy:
             biases = [arrays[f"bias_{k}"] for k in layers]
             activation = arrays["activation"]
             squash, stack = arrays.get("squash", np.False_), arrays.get("stack", np.int64(1))  # old files have neither
+            foresight = arrays.get("foresight")
+            if foresight is not None and (foresight.dtype.kind != "f" or foresight.shape != (len(FIELDS),)):
+                raise ValueError(f"foresight must be the {len(FIELDS)} numbers of a table")
+            table = None if foresight is None else TableSpec(*foresight.tolist())
             kinds = "".join(array.dtype.kind for array in (*weights, *biases))
             if activation.dtype.kind != "U" or squash.dtype.kind != "b" or activation.shape or squash.shape:
                 raise ValueError("activation must be a string and squash a bool")
@@ -281,7 +304,7 @@ class MlpPolicy:
                 raise ValueError("stack must be a whole number")
             if kinds.strip("f"):
                 raise ValueError("weights and biases must be floating-point numbers")
-            return cls(weights, biases, str(activation), bool(squash), int(stack))
+            return cls(weights, biases, str(activation), bool(squash), int(stack), table)
         except FileNotFoundError:
             raise
         except Exception as error:  # whatever a damaged file makes of it

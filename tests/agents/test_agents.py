@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import sys
@@ -275,11 +276,12 @@ class TestMlpPolicy:
 
 
 class TestStableBaselines3:
-    @pytest.fixture
-    def model(self):
+    @pytest.fixture(params=[False, True], ids=["", "foresight"])
+    def model(self, request):
         import torch
 
-        model = make_model(SMALL, make_env(SMALL))
+        args = dataclasses.replace(SMALL, foresight=request.param)
+        model = make_model(args, make_env(args))
         with torch.no_grad():  # an untrained network hardly moves
             for weights in model.policy.parameters():
                 weights.add_(0.3 * torch.randn(weights.shape, generator=torch.Generator().manual_seed(1)))

@@ -24,7 +24,7 @@ SMALL = PpoArgs(num_envs=4, n_steps=8, batch_size=16, net_width=16, sde_sample_f
 
 def outputs(policy: MlpPolicy, observations: NDArray[np.float32]) -> NDArray[np.float64]:
     """Target velocities before they are clipped: (N, 2)."""
-    values = observations.reshape(len(observations), -1).astype(np.float64)
+    values = policy.inputs(observations).astype(np.float64)
     for weight, bias in zip(policy.weights[:-1], policy.biases[:-1], strict=True):
         values = np.maximum(values @ weight.T + bias, 0.0)
     return values @ policy.weights[-1].T + policy.biases[-1]
@@ -50,9 +50,9 @@ def pull(observations: NDArray[np.float32]) -> NDArray[np.float64]:
     return np.stack([-400.0 * forward, 400.0 * (right - left)], axis=1)
 
 
-@pytest.mark.parametrize("stack", [1, 3])
-def test_what_they_add(stack: int) -> None:
-    model = model_with_idle_units(dataclasses.replace(SMALL, stack=stack))
+@pytest.mark.parametrize(("stack", "foresight"), [(1, False), (3, False), (1, True)])
+def test_what_they_add(stack: int, foresight: bool) -> None:
+    model = model_with_idle_units(dataclasses.replace(SMALL, stack=stack, foresight=foresight))
     observations = some_observations(200)
     seen = observations
     if stack > 1:

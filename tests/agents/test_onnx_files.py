@@ -26,30 +26,41 @@ from agents.onnx_files import (
 from airhockey_env import AirHockeyEnv, MlpPolicy
 from airhockey_env.kernel.observations import COLUMNS, SCALES, scales_of
 from airhockey_env.kernel.state import observation_shape
+from airhockey_env.opponents.foresight import FORESEEN_SIZE
 from airhockey_env.opponents.trained import TRAINED, trained_policy
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
-from airhockey_env.tables import CHALLENGE
+from airhockey_env.tables import CHALLENGE, FULL_SIZE, TableSpec
 from tests.helpers import Call
 
 onnx = pytest.importorskip("onnx", reason="needs the extra onnx")
 onnxruntime = pytest.importorskip("onnxruntime", reason="needs the extra onnx")
 
 
-def network(outputs: int = 2, activation: str = "relu", squash: bool = False, stack: int = 1) -> MlpPolicy:
+def network(
+    outputs: int = 2,
+    activation: str = "relu",
+    squash: bool = False,
+    stack: int = 1,
+    foresight: TableSpec | None = None,
+) -> MlpPolicy:
     """A network whose actions use all of their range."""
     rng = np.random.default_rng(outputs)
-    sizes = (math.prod(observation_shape(stack)), 40, 24, outputs)
+    inputs = math.prod(observation_shape(stack)) + (0 if foresight is None else FORESEEN_SIZE)
+    sizes = (inputs, 40, 24, outputs)
     layers = list(pairwise(sizes))
     weights = [rng.normal(size=(n_out, n_in)) * 2.0 / math.sqrt(n_in) for n_in, n_out in layers]
-    return MlpPolicy(weights, [rng.normal(size=n_out) / 4.0 for _, n_out in layers], activation, squash, stack)
+    biases = [rng.normal(size=n_out) / 4.0 for _, n_out in layers]
+    return MlpPolicy(weights, biases, activation, squash, stack, foresight)
 
 
-@pytest.mark.parametrize("stack", [1, 6])
+@pytest.mark.parametrize(("stack", "foresight"), [(1, None), (6, None), (1, FULL_SIZE), (1, CHALLENGE)])
 @pytest.mark.parametrize("outputs", [2, 9])
 @pytest.mark.parametrize("squash", [False, True])
 @pytest.mark.parametrize("activation", ["tanh", "relu"])
-def test_a_file_plays_as_its_policy(activation: str, squash: bool, outputs: int, stack: int) -> None:
-    policy = network(outputs, activation, squash, stack)
+def test_a_file_plays_as_its_policy(
+    activation: str, squash: bool, outputs: int, stack: int, foresight: TableSpec | None
+) -> None:
+    policy = network(outputs, activation, squash, stack, foresight)
     contents = to_onnx(policy)
     for observations in (random_observations(policy), played_observations(policy)):
         difference = compare(contents, policy, observations)
