@@ -1,6 +1,6 @@
 """Ray on this machine: a real one of two processors, or a cluster of two nodes. Without Ray these tests are skipped.
 
-`.ci/run` builds an environment with Ray and runs
+`.ci/libraries` builds an environment with Ray and runs
 
     .venv-distributed/bin/python -m pytest tests/distributed
 """

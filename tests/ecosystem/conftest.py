@@ -1,6 +1,6 @@
 """Other people's libraries, each doing what docs/works_with.md says, in environments of their own.
 
-The test command of the README leaves them out. `.ci/run` builds both environments and runs
+The test command of the README leaves them out. `.ci/libraries` builds both environments and runs
 
     .venv-ecosystem/bin/python -m pytest tests/ecosystem --ignore tests/ecosystem/test_rllib.py
     .venv-distributed/bin/python -m pytest tests/ecosystem/test_rllib.py
