@@ -26,6 +26,7 @@ from agents.training.runs import RunFolder
 from agents.training.start import STRONGEST
 from agents.training.train import NOT_KEPT, RECIPES, own_args, resolved
 from agents.training.zoo import ZooArgs, default_file
+from airhockey_env.opponents.foresight import FORESEEN_SIZE
 from airhockey_env.opponents.policy import MlpPolicy
 
 Args = TypeVar("Args", bound=TrainArgs)
@@ -142,10 +143,9 @@ def _facts(folder: RunFolder, args: TrainArgs, history: dict[str, Any]) -> Itera
     if folder.policy.exists():
         policy = MlpPolicy.load(folder.policy)
         sizes = " to ".join(str(size) for size in (policy.weights[0].shape[1], *map(len, policy.biases)))
-        yield (
-            "network",
-            f"fully connected, {sizes} ({policy.activation}), {folder.policy.stat().st_size / 1024:.0f} KiB",
-        )
+        foreseen = "" if policy.foresight is None else f", {FORESEEN_SIZE} of the inputs foreseen from the others"
+        size = f"{folder.policy.stat().st_size / 1024:.0f} KiB"
+        yield "network", f"fully connected, {sizes} ({policy.activation}){foreseen}, {size}"
     if versions := read_versions(folder.model):
         yield "versions", ", ".join(f"{library} {version}" for library, version in versions.items())
 

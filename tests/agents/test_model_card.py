@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import tyro
 import yaml
@@ -21,6 +22,8 @@ from agents.training.runs import RunFolder
 from agents.training.self_play import SelfPlayArgs
 from agents.training.train import NOT_KEPT, resolved, train
 from agents.training.zoo import ZooArgs
+from airhockey_env.opponents.policy import MlpPolicy
+from airhockey_env.tables import FULL_SIZE
 
 RESPONSE = {"kind": "own", "seed": 4, "wins": 60, "losses": 20, "draws": 120}
 TASK = {"task": "hit", "episodes": 400, "success_rate": 0.75, "success_rate_95": [0.705, 0.79], "mean_seconds": 1.0}
@@ -99,7 +102,7 @@ def test_a_card_has_what_the_run_has(run: RunFolder) -> None:
     assert f"{history['evaluations'][-1]['steps']:,}" in text
     for row in history["report"]:
         assert f"| `{row['opponent']}` | 10 | {row['wins']} | {row['losses']} | {row['draws']} |" in text
-    assert "13 to 8 to 8 to 2" in text
+    assert "13 to 8 to 8 to 2 (relu), " in text
     assert "--seed 3" in text
     assert "Stable-Baselines3 2" in text
 
@@ -145,6 +148,13 @@ def test_a_run_in_the_current_folder_and_one_that_was_stopped(run: RunFolder, tm
         card = model_card(RunFolder(Path()))
     assert "# tiny" in card
     assert f"{history['evaluations'][-1]['steps']:,} of 5,000,000, 512 of them for shooting practice" in card
+
+
+def test_a_policy_with_foresight(run: RunFolder, tmp_path: Path) -> None:
+    for file in (run.config, run.model, run.evaluations):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    MlpPolicy([np.ones((2, 43))], [np.zeros(2)], foresight=FULL_SIZE).save(tmp_path / run.policy.name)
+    assert "43 to 2 (tanh), 30 of the inputs foreseen" in model_card(RunFolder(tmp_path))
 
 
 def test_a_damaged_report(run: RunFolder, tmp_path: Path) -> None:
