@@ -31,9 +31,9 @@ PULL = 400.0
 greatest speed. Learned velocities are clipped only after it has been added: agents reach 7, and kept a paddle outside
 with a pull of 25."""
 
-RELEASE = 5.0
+RELEASE = 100.0
 """A puck that is nearer than away by some distance frees a paddle that is outside home by up to this many times that
-distance."""
+distance. It is large, so that a paddle can reach a puck that rests on its side close to the centre line."""
 
 UNITS = 4, 3
 """The number of units in the first and in the second hidden layer: the last ones of each."""

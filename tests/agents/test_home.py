@@ -46,7 +46,7 @@ def pull(observations: NDArray[np.float32]) -> NDArray[np.float64]:
     x += vx * 5.0 * (5.0 / 30.0 / 2.0) / half_length  # where the paddle stops
     y += vy * 5.0 * (5.0 / 30.0 / 2.0) / half_width
     near = np.maximum(-(observations[:, 8] + 0.08 * observations[:, 10] * 12.0 / half_length), 0.0)
-    forward, left, right = (np.maximum(np.maximum(d, 0.0) - 5.0 * near, 0.0) for d in (x + 0.7, y - 0.25, -y - 0.25))
+    forward, left, right = (np.maximum(np.maximum(d, 0.0) - 100.0 * near, 0.0) for d in (x + 0.7, y - 0.25, -y - 0.25))
     return np.stack([-400.0 * forward, 400.0 * (right - left)], axis=1)
 
 
@@ -80,6 +80,18 @@ def test_the_paddle_goes_home_while_the_puck_is_away() -> None:
     away &= seen[:, 8] > 0.0
     assert away.any()
     assert (seen[away, 0] < -0.65).all() and (np.abs(seen[away, 1]) < 0.3).all()
+
+
+def test_a_puck_that_rests_near_the_centre_line_can_be_reached() -> None:
+    model = model_with_idle_units()
+    before, centimetre = export_policy(model), 0.01 / (0.5 * 2.362)
+    add_home_units(model, FULL_SIZE)
+    touching = (0.0413 + 0.0505) / (0.5 * 2.362)
+    for puck, pulled in ((-centimetre, False), (centimetre, True)):
+        seen = np.zeros((1, 13), np.float32)
+        seen[0, 8], seen[0, 0] = puck, puck - touching  # the paddle is behind the puck
+        added = outputs(export_policy(model), seen) - outputs(before, seen)
+        assert (np.abs(added) > 1.0).any() == pulled
 
 
 def test_training_keeps_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
