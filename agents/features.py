@@ -70,13 +70,16 @@ class RelativeFeatures(BaseFeaturesExtractor):
     """The fixed linear layer, for Stable-Baselines3's `features_extractor_class`."""
 
     matrix: torch.Tensor
-    foresight: TableSpec | None = None
-    """The table on which the network foresees the puck, None for none: see `MlpPolicy`."""
 
     def __init__(self, observation_space: spaces.Box, spec: TableSpec = FULL_SIZE) -> None:
         matrix = self._matrix(spec, stack_of_shape(observation_space.shape))
         super().__init__(observation_space, matrix.shape[0])
         self.register_buffer("matrix", torch.as_tensor(matrix))
+
+    @property
+    def foresight(self) -> TableSpec | None:
+        """The table on which the network foresees the puck, None for none: see `MlpPolicy`."""
+        return None
 
     def _matrix(self, spec: TableSpec, stack: int) -> NDArray[np.float32]:
         return relative_features(spec, stack)
@@ -114,7 +117,7 @@ class ForesightFeatures(RelativeFeatures):
         return matrix
 
     @property
-    def foresight(self) -> TableSpec:  # type: ignore[override]
+    def foresight(self) -> TableSpec:
         return TableSpec(*self.table.tolist())
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:

@@ -22,7 +22,6 @@ from airhockey_env.kernel.state import OBSERVATION_SIZE
 from airhockey_env.opponents.players import NAMES
 from airhockey_env.opponents.policy import MlpPolicy
 from airhockey_env.opponents.trained import TRAINED, trained_policy
-from airhockey_env.tables import TableSpec
 
 Policy = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 """Maps state observations (N, 13), each from the player's own side, to actions (N, 2)."""
@@ -145,7 +144,7 @@ def export_policy(model: Any) -> MlpPolicy:
     """
     from torch import nn
 
-    from agents.features import RelativeFeatures, stack_of_shape
+    from agents.features import stack_of_shape
 
     policy = model.policy
     actor = getattr(policy, "actor", None)
@@ -158,12 +157,10 @@ def export_policy(model: Any) -> MlpPolicy:
     linear = [layer for layer in layers if isinstance(layer, nn.Linear)]
     weights = [layer.weight.detach().cpu().numpy() for layer in linear]
     biases = [layer.bias.detach().cpu().numpy() for layer in linear]
-    matrix = features.matrix.cpu().numpy() if isinstance(features, RelativeFeatures) else None
     activation = "relu" if any(isinstance(layer, nn.ReLU) for layer in layers) else "tanh"
     clip = layers[-1].max_val if isinstance(layers[-1], nn.Hardtanh) else None
     stack = stack_of_shape(seen_space(model).shape)
-    foresight = features.foresight if isinstance(features, RelativeFeatures) else None
-    return _folded(weights, biases, activation, matrix, clip, actor is not None, stack, foresight)
+    return _folded(weights, biases, activation, features, clip, squash=actor is not None, stack=stack)
 
 
 def player_of(model: Any) -> MlpPolicy | ModelPlayer:
@@ -188,15 +185,18 @@ def _folded(
     weights: list[NDArray[np.float32]],
     biases: list[NDArray[np.float32]],
     activation: str,
-    matrix: NDArray[np.float32] | None,
+    features: Any,
     clip: float | None,
     squash: bool,
     stack: int,
-    foresight: TableSpec | None,
 ) -> MlpPolicy:
-    """Fold a linear feature layer and the clipping of the outputs, if any, into an `MlpPolicy`."""
-    if matrix is not None:
-        weights[0] = weights[0] @ matrix
+    """Fold the feature extractor's linear layer and the clipping of the outputs, if any, into an `MlpPolicy`."""
+    from agents.features import RelativeFeatures
+
+    foresight = None
+    if isinstance(features, RelativeFeatures):
+        weights[0] = weights[0] @ features.matrix.cpu().numpy()
+        foresight = features.foresight
     if clip is not None:
         if activation != "relu":
             raise ValueError("policy must have rectified hidden layers to be exported with clipped actions, got tanh")
@@ -276,7 +276,6 @@ def load_model(path: Path, *, trust: bool = False) -> MlpPolicy | ModelPlayer:
         FileNotFoundError: there is no such file.
         ValueError: the file does not contain a player of this game, or needs `trust`.
     """
-    from agents.features import RelativeFeatures
     from agents.sb3_files import NeedsTrust, actor_of, read_model, trusted_policy
 
     try:
@@ -293,10 +292,7 @@ def load_model(path: Path, *, trust: bool = False) -> MlpPolicy | ModelPlayer:
         activation = {"Tanh": "tanh", "ReLU": "relu"}.get(actor.activation.__name__)
         if activation == "relu" or (activation == "tanh" and actor.clip is None):
             weights, biases = ([part.numpy() for part in parts] for parts in zip(*actor.layers, strict=True))
-            relative = actor.features if isinstance(actor.features, RelativeFeatures) else None
-            matrix = None if relative is None else relative.matrix.numpy()
-            foresight = None if relative is None else relative.foresight
-            return _folded(weights, biases, activation, matrix, actor.clip, actor.squash, sight.stack, foresight)
+            return _folded(weights, biases, activation, actor.features, actor.clip, actor.squash, sight.stack)
     return ModelPlayer(lambda seen: _action(actor(seen)), sight)
 
 

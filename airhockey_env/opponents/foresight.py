@@ -86,6 +86,12 @@ def _half_after(time: Any, half: Any) -> Any:
 
 
 @register_jitable
+def _if_coming(value: Any, speed: Any) -> Any:
+    """The value for a positive speed, and 0 for a negative one."""
+    return value * _relu(speed) / (_relu(speed) + _REST)
+
+
+@register_jitable
 def _passage(x: Any, y: Any, vx: Any, vy: Any, line: Any, table: Any) -> tuple[Any, Any]:
     """When and where the puck passes a line ahead, in +x: the time, s, and y after up to two bounces, m."""
     speed, distance = _relu(vx) + _REST, _relu(line - x)
@@ -125,12 +131,12 @@ def _foresee_side(paddle: Any, other: Any, x: Any, y: Any, vx: Any, vy: Any, tab
     """Write what comes of the shots of one side, which sees its own goal at -x, to `out` from `first` on."""
     goal = table.half_length - table.puck
     time, at = _passage(x, y, vx, vy, goal, table)
-    soon = _half_after(time, SOON) * _relu(vx) / (_relu(vx) + _REST)
+    soon = _if_coming(_half_after(time, SOON), vx)
     reached, at_paddle = _passage(x, y, vx, vy, other[0], table)
-    reaches = _half_after(reached, SOON) * _relu(vx) / (_relu(vx) + _REST)
+    reaches = _if_coming(_half_after(reached, SOON), vx)
     near, kissed, miss, kiss_x, kiss_y, kiss_vx, kiss_vy = _kiss(x, y, vx, vy, paddle, table)
     shot_time, shot_at = _passage(kiss_x, kiss_y, kiss_vx, kiss_vy, goal, table)
-    shot = kissed * _relu(kiss_vx) / (_relu(kiss_vx) + _REST)
+    shot = _if_coming(kissed, kiss_vx)
     scale = 1.0 / table.half_width
     # The way of the puck to the other goal,
     out[first] = _half_after(time, VERY_SOON) * soon
