@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 SHARES = (1, 2, 4, 8, 16)
 """The numbers of workers whose shares of tables and samples are timed, on one processor."""
@@ -61,13 +62,31 @@ def measure(quick: bool = False) -> Costs:
     args = PpoArgs()
     rows = [_time_share(args, share, 1 if quick else UPDATES) for share in (SHARES[-2:] if quick else SHARES)]
     tables, step_times, samples, gradient_times = np.array([row[:4] for row in rows]).T
-    table, step = np.polyfit(tables, step_times, 1)
-    sample, gradient = np.polyfit(samples, gradient_times, 1)
+    table, step = fit_costs(tables, step_times)
+    sample, gradient = fit_costs(samples, gradient_times)
     size = rows[0][4]
     empty, full = (_time_messages(number, 20 if quick else MESSAGES) for number in (4, size))
     # gloo's ring of two workers: two messages of half of the bytes each.
     latency, byte = empty / 2, max(0.0, full - empty) / size
-    return Costs(max(0.0, step), table, max(0.0, gradient), sample, latency, byte, size)
+    return Costs(step, table, gradient, sample, latency, byte, size)
+
+
+def fit_costs(numbers: NDArray[np.float64], seconds: NDArray[np.float64]) -> tuple[float, float]:
+    """The line that fits best among those without negative costs, by least squares.
+
+    Args:
+        numbers: of tables or samples, two or more of them, all above 0.
+        seconds: what each of these numbers took.
+
+    Returns:
+        The cost of one more, and the cost without any, both 0 or more.
+    """
+    slope, constant = np.polyfit(numbers, seconds, 1)
+    if slope < 0.0:  # the best allowed line then has the least allowed slope
+        return 0.0, float(np.mean(seconds))
+    if constant < 0.0:
+        return float(np.dot(numbers, seconds) / np.dot(numbers, numbers)), 0.0
+    return float(slope), float(constant)
 
 
 def _time_share(args: Any, share: int, updates: int) -> tuple[float, float, float, float, int]:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from benchmarks.cluster.costs import Costs
+from benchmarks.cluster.costs import Costs, fit_costs
 from benchmarks.cluster.model import Sizes, averaging, expect, fit_spread, sent
 
 SIZES = Sizes(num_envs=512, n_steps=32, batch_size=2048, n_epochs=3)
@@ -52,3 +53,15 @@ def test_the_spread_is_found_again() -> None:
     assert fit_spread(costs, measured, SIZES).spread == pytest.approx(0.25, abs=0.03)
     with pytest.raises(ValueError, match="1 worker"):
         fit_spread(costs, {2: 1.0, 4: 2.0}, SIZES)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "expected"),
+    [
+        ([5.0, 7.0, 11.0], (2.0, 3.0)),
+        ([4.0, 3.0, 2.0], (0.0, 3.0)),  # more tables that take less time: nothing to be seen of them but chance
+        ([1.0, 4.0, 10.0], (49.0 / 21.0, 0.0)),
+    ],
+)
+def test_no_cost_is_negative(seconds: list[float], expected: tuple[float, float]) -> None:
+    assert fit_costs(np.array([1.0, 2.0, 4.0]), np.array(seconds)) == pytest.approx(expected)
