@@ -60,7 +60,8 @@ def measure(quick: bool = False) -> Costs:
 
     torch.set_num_threads(1)
     args = PpoArgs()
-    rows = [_time_share(args, share, 1 if quick else UPDATES) for share in (SHARES[-2:] if quick else SHARES)]
+    shares, updates = ((SHARES[0], SHARES[-1]), 1) if quick else (SHARES, UPDATES)
+    rows = [_time_share(args, share, updates) for share in shares]
     tables, step_times, samples, gradient_times = np.array([row[:4] for row in rows]).T
     table, step = fit_costs(tables, step_times)
     sample, gradient = fit_costs(samples, gradient_times)
