@@ -397,6 +397,8 @@ def _features(
     else:
         raise NeedsTrust(f"what its network makes of observations is not known here: {named or sorted(weights)[:3]}")
     module.load_state_dict(weights)
+    if isinstance(module, ForesightFeatures):
+        _ = module.foresight  # raises for the fields of no table
     if pictures and kwargs.get("normalize_images", True) is not False:
         module = _Divided(module)
     return module, width

@@ -324,6 +324,14 @@ class TestStableBaselines3:
         with pytest.raises(ValueError, match=r"model\.zip does not hold a model"):
             load_player(str(path))
 
+    def test_a_model_that_foresees_on_no_table(self, tmp_path: Path) -> None:
+        args = dataclasses.replace(SMALL, foresight=True)
+        model = make_model(args, make_env(args))
+        model.policy.features_extractor.table.fill_(-1.0)
+        model.save(tmp_path / "model.zip")
+        with pytest.raises(ValueError, match=r"model\.zip does not hold a player.*length"):
+            load_player(str(tmp_path / "model.zip"))
+
     def test_the_features_show_the_puck_from_the_paddle(self) -> None:
         env = gym.make("AirHockey-v0").unwrapped
         seen, _ = env.reset(seed=0)
