@@ -89,6 +89,7 @@ class DistillArgs(ppo.PpoArgs):
     warmup_steps: Annotated[OptionalCount, tyro.conf.Suppress] = 0
     warmup_success: Annotated[float, tyro.conf.Suppress] = 0.8
     practice_share: Annotated[float, tyro.conf.Suppress] = 0.0
+    desired_kl: Annotated[float, tyro.conf.Suppress] = 0.0
     foresight: Annotated[bool, tyro.conf.Suppress] = False
     home: Annotated[bool, tyro.conf.Suppress] = False
     noise: float = 0.25

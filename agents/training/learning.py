@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import KVWriter
@@ -15,6 +17,12 @@ from agents.seeding import sequence, table_seeds
 from agents.training import workers
 from agents.training.joined_tables import JoinedTables
 from airhockey_env.sb3_vec_env import AirHockeySB3VecEnv
+
+FAR = 1.5
+"""An update that changes the policy by so many times what is desired, or by one part of so many, is far from it."""
+
+FASTER = 1.25
+"""The learning rate is multiplied or divided by this at a time."""
 
 
 def seed_tables(env: VecEnv, seeds: list[int]) -> None:
@@ -58,6 +66,56 @@ class Falling:
         stays = length <= 0.0 or left >= length
         # A run ends with a whole rollout, so with few steps it can go on long after the last of them.
         return self.start * (self.to + (1.0 - self.to) * (1.0 if stays else max(left / length, 0.0)))
+
+
+class Limited:
+    """A schedule with an upper limit, which `FollowKl` changes."""
+
+    def __init__(self, schedule: Callable[[float], float], limit: float = math.inf) -> None:
+        self.schedule, self.limit = schedule, limit
+
+    def __call__(self, remaining: float) -> float:
+        """The value when this share of the run remains."""
+        return min(self.schedule(remaining), self.limit)
+
+
+class FollowKl(BaseCallback):
+    """Limits PPO's learning rate so that updates change the policy by about so much.
+
+    The change is the approximate KL divergence between the policies before and after an update. It grows with the
+    square of the learning rate, and the faster, the smaller the disturbances of the actions are. RL libraries for
+    robots adapt the rate in this way, too: `desired_kl` of rsl_rl, `kl_threshold` of rl_games.
+
+    Args:
+        desired: the KL divergence to aim at. The rate changes when the last one differs from it by more than half.
+    """
+
+    model: PPO
+
+    def __init__(self, desired: float) -> None:
+        super().__init__()
+        self.desired = desired
+
+    def _on_training_start(self) -> None:
+        resumed = self.num_timesteps > 0  # the optimizer, which is saved with the model, has the rate
+        rate = self.model.policy.optimizer.param_groups[0]["lr"] if resumed else math.inf
+        self.model.lr_schedule = Limited(self.model.lr_schedule, rate)
+
+    def _on_rollout_start(self) -> None:
+        mine = self.logger.name_to_value.get("train/approx_kl")  # None before the first update
+        if mine is None:
+            return
+        (total,) = workers.total(float(mine))
+        change, schedule = total / workers.number() / self.desired, self.model.lr_schedule
+        assert isinstance(schedule, Limited)
+        rate = self.model.policy.optimizer.param_groups[0]["lr"]
+        if change > FAR:
+            schedule.limit = rate / FASTER
+        elif change < 1.0 / FAR:
+            schedule.limit = rate * FASTER
+
+    def _on_step(self) -> bool:
+        return True
 
 
 class ProgressBar(BaseCallback):

@@ -26,7 +26,7 @@ from agents.training import workers
 from agents.training.home import FEWEST_UNITS, add_home_units, keep_home_units
 from agents.training.joined_tables import JoinedTables
 from agents.training.league import League
-from agents.training.learning import Falling
+from agents.training.learning import Falling, FollowKl
 from agents.training.noise import Noise
 from agents.training.recipe import History, Phase, Recipe, Setup, TrainArgs, conditions_of, with_conditions
 from agents.training.report import print_results
@@ -101,6 +101,10 @@ class PpoArgs(TrainArgs):
     """Use this lambda in generalised advantage estimation."""
     max_grad_norm: float = 5.0
     """Scale gradients down to this norm if they are longer."""
+    desired_kl: float = 0.0
+    """Lower the learning rate where an update of the policy would change it by more than this, as a KL divergence, and
+    raise it again, at most to what --learning-rate says. Small disturbances of the actions need that. With 0, the
+    learning rate does not depend on it."""
     clip_range: float = 0.2
     """Clip the probability ratio in PPO's objective to this distance from 1."""
     ent_coef: float = 0.0
@@ -137,8 +141,9 @@ def resolve(args: Args) -> Args:
     check_ranges(
         args, warmup_steps=(0, most), warmup_success=(0, 1), practice_share=(0, 1), num_envs=(1, most),
         n_steps=(2, most), batch_size=(2, most), n_epochs=(1, most), learning_rate=(0, 1), gamma=(0, 1),
-        gae_lambda=(0, 1), max_grad_norm=(0, most), clip_range=(0, 10), ent_coef=(0, 10), sde_sample_freq=(0, most),
-        log_std_init=(-20, 2), noise=(0, 2), noise_end=(0, 2), net_width=(FEWEST_UNITS if args.home else 1, most),
+        gae_lambda=(0, 1), max_grad_norm=(0, most), desired_kl=(0, 10), clip_range=(0, 10), ent_coef=(0, 10),
+        sde_sample_freq=(0, most), log_std_init=(-20, 2), noise=(0, 2), noise_end=(0, 2),
+        net_width=(FEWEST_UNITS if args.home else 1, most),
     )  # fmt: skip
     check_workers(args)
     if args.foresight and args.stack > 1:
@@ -312,6 +317,8 @@ def phases(args: PpoArgs, model: PPO, league: League | None, history: History) -
     set_discount(model, args.gamma)
     opponents = None if league is None else league.pool
     callbacks: list[BaseCallback] = [] if league is None else [league]
+    if args.desired_kl > 0.0:
+        callbacks.append(FollowKl(args.desired_kl))
     if args.noise > 0.0:
         callbacks.append(Noise(args.noise, args.noise_end, first, args.steps))
     yield Phase(f"Points {whom}.", "training", make_points_env(args, opponents), callbacks)
